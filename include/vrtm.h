@@ -1257,10 +1257,9 @@ typedef struct vrtm_tile_settings {
     // Treatment of open borders. VRTM_OPEN_BORDERS_SLIDE goes only with an `orientation_density` of 0.
     // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE.
     vrtm_open_borders open_borders;
-    // Priority, 0..1, of rigid features that the pose does not strain over strained ones. At 0 each gives way alike,
-    // and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do, and the
-    // others keep a little more strain. For VRTM_SOLVER_DESCENT. 0 to 1; default 0.
-    float protect;
+    // Stiffness, 0..16, that a painted feature gains where it would come out worse than without the warp. At 0 all
+    // features give way alike, and in a crowd some come out worse. For VRTM_SOLVER_DESCENT. 0 to 16; default 5.
+    float harm;
 } vrtm_tile_settings;
 
 // Size of a grid. A plain value that never grows.
@@ -2249,7 +2248,8 @@ VRTM_DEFINE_INIT_WITH_(vrtm_tile_settings,
     value.smoothness_floor = 0.0005f;
     value.room = 0.3f;
     value.room_threshold = 0.4f;
-    value.seam_reach = 0.03125f;)
+    value.seam_reach = 0.03125f;
+    value.harm = 5.0f;)
 VRTM_DEFINE_INIT_WITH_(vrtm_solve_options,
     value.pbd.iterations = 16;
     value.pbd.smoothing = 0.8f;

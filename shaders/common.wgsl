@@ -9,7 +9,7 @@
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;
 @group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
-/// Constants, per block: rigidity (a code of 16 bits; 15 bits of what it has lost in this pose; sign bit: fixed), four
+/// Constants, per block: rigidity (a code of 16 bits; 15 bits of its multiplier in this pose; sign bit: fixed), four
 /// rest lengths (codes of 16 bits in two words), triangle under the node (level 0) or coverage (coarser levels) and, on
 /// grids that have it, density of rigid material or what holds nodes at open borders.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
@@ -90,9 +90,8 @@ fn decode_rigidity(code: u32) -> f32 {
     return bitcast<f32>(select(((125u - zeros) << 23u) + mantissa, 0u, code == 0u));
 }
 
-/// Weight reduction of rigidity (method §4, Protection), a multiple of 1 / LOST_STEPS, in a node's word of
-/// RIGIDITY.
-fn lost_code(word: u32) -> u32 {
+/// The code of a node's multiplier (method §4, Harm), a multiple of 1 / MULTIPLIER_STEPS, in its word of RIGIDITY.
+fn multiplier_code(word: u32) -> u32 {
     return (word >> 16u) & 0x7fffu;
 }
 

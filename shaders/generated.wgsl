@@ -15,9 +15,11 @@ const NEAR_BOUND_JACOBIAN: f32 = 0.049999997;
 const NEAR_BOUND_STIFFNESS: f32 = 10.0;
 const TANGENT_WEIGHT: f32 = 0.15;
 const HOLD: f32 = 4.0;
-const PROTECTION: f32 = 9.0;
-const PROTECTED_STRAIN: f32 = 0.04;
-const LOST_STEPS: f32 = 32768.0;
+const HARM_MARGIN: f32 = 0.01;
+const MULTIPLIER_STEPS: f32 = 1024.0;
+const MOST_MULTIPLIER: f32 = 31.0;
+const WARM_MULTIPLIER: f32 = 0.9;
+const HARM_STRESS: f32 = 6.0;
 const TENSION_STIFFNESS: f32 = 0.25;
 const COMPRESSION_STIFFNESS: f32 = 0.5;
 const MIN_OFFSET_SQUARE: f32 = 0.1;
@@ -42,6 +44,7 @@ const MODEL_ERROR_RAMP: vec2f = vec2f(0.25, 2.0);
 const NONE: u32 = 0xffffffffu;
 const NODES: u32 = 256u;
 const WINDOW: u32 = 324u;
+const LEAST_EDGES: u32 = 12u;
 const SPREAD: u32 = 65535u;
 const INVALID_ENERGY: f32 = 3e38;
 const RIGIDITY: u32 = 0u;
@@ -136,7 +139,8 @@ struct Params {
     anchor_is_identity: u32,
     state_planes: u32,
     node_planes: u32,
-    lost: f32,
+    multiplier: f32,
+    kept: f32,
 }
 
 struct Chart {

@@ -2,7 +2,7 @@
 // of WebGPU's default limits. The kernel that includes this file declares PATCH_THREADS, the number of its threads.
 
 var<workgroup> patch_u: array<vec2f, 324>;
-/// Position or metric at W (3), and rigidity.
+/// Position or metric at W (3), and rigidity times 1 plus the multiplier (method §4, Harm).
 var<workgroup> patch_value: array<vec4f, 324>;
 /// Rest lengths of the owned edges.
 var<workgroup> patch_length: array<vec4f, 324>;
@@ -40,8 +40,8 @@ fn load_patch(b: u32, t: u32) {
             let triangle = triangle_in_state(holder, source.y, fixed);
             let value = value_at(holder, source.y, u, triangle, fixed);
             patch_u[k] = u;
-            let left = 1.0 - f32(lost_code(rigidity)) * params.lost;
-            patch_value[k] = vec4f(value, decode_rigidity(rigidity & 0xffffu) * left);
+            let factor = 1.0 + f32(multiplier_code(rigidity)) * params.multiplier;
+            patch_value[k] = vec4f(value, decode_rigidity(rigidity & 0xffffu) * factor);
             patch_length[k] = rest_lengths(holder, source.y, base, shift);
             patch_tag[k] = (triangle << 1u) | (rigidity >> 31u);
         }

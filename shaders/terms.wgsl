@@ -52,9 +52,9 @@ fn edge(n: vec2u, p: NodeState, k: u32, floor: f32) -> Edge {
     return Edge(at_neighbour, chord, length, 1.0 / max(length, floor), weight, inverse_d0_square, vec2f(o), kappa);
 }
 
-/// sigma = (lambda (1 - w) + lambda0) / |d0|^2: the weight of the smoothness term.
+/// sigma = (lambda max(0, 1 - w) + lambda0) / |d0|^2: the weight of the smoothness term.
 fn smoothness(e: Edge) -> f32 {
-    return ((1.0 - e.weight) * params.smoothness + params.smoothness_floor) * e.inverse_d0_square;
+    return (max(1.0 - e.weight, 0.0) * params.smoothness + params.smoothness_floor) * e.inverse_d0_square;
 }
 
 /// The stress stiffness of the edge (method §4, Derivatives).
@@ -62,7 +62,8 @@ fn stress_stiffness(e: Edge) -> f32 {
     let strain = (e.chord.length - e.length) * e.inverse_length;
     let size = max(strain * TENSION_STIFFNESS, strain * -COMPRESSION_STIFFNESS);
     let square = max(dot(e.chord.d, e.chord.d), MIN_OFFSET_SQUARE / e.inverse_d0_square);
-    return e.weight * size * (e.chord.length * e.inverse_length) / square;
+    let weight = e.weight + max(e.weight - 1.0, 0.0) * (HARM_STRESS - 1.0);
+    return weight * size * (e.chord.length * e.inverse_length) / square;
 }
 
 /// Scalar product of d with d0 rotated by 90 degrees (not a unit vector: its length is |d0|).

@@ -199,9 +199,13 @@ impl Refinement {
         let of_set = |solved: &&Solved| solved.mesh.uv_set == self.info.uv_set;
         self.results.device().team(|team| {
             let of_tile = last.solved().map(|solved| solved.filter(of_set));
-            let tiles: Vec<Option<TileRedirection>> = of_tile
-                .map(|solved| solved.map(TileRedirection::new).transpose())
-                .collect::<Result<Vec<_>>>()?;
+            let mut tiles = Vec::with_capacity(last.tiles.len());
+            for solved in of_tile {
+                tiles.push(match solved {
+                    Some(solved) => Some(TileRedirection { solved, u: solved.warp.host()? }),
+                    None => None,
+                });
+            }
             let tiles: Vec<_> =
                 tiles.iter().map(|tile| tile.as_ref().map(|t| t as &dyn Redirection)).collect();
             f(team, &Redirections::new(team, &tiles, with_edges)?)
@@ -218,12 +222,6 @@ impl Refinement {
 struct TileRedirection<'a> {
     solved: &'a Solved,
     u: &'a [[Plane; 2]],
-}
-
-impl TileRedirection<'_> {
-    fn new(solved: &Solved) -> Result<TileRedirection<'_>> {
-        Ok(TileRedirection { solved, u: solved.warp.host()? })
-    }
 }
 
 impl Redirection for TileRedirection<'_> {

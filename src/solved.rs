@@ -27,6 +27,8 @@ pub(crate) struct Solved {
     pub grid: Arc<Grid>,
     pub warp: Arc<Warp>,
     pub results: Vec<ChartResult>,
+    /// Per feature of the grid, its multiplier (method §4, Harm).
+    pub multipliers: Vec<f32>,
     /// The overlap setting of the solve.
     pub overlap: Overlap,
     /// The report at the time of the solve; `report()` adds what later fetches change.
@@ -55,6 +57,7 @@ impl Solved {
             grid: self.grid.clone(),
             warp,
             results: self.results.clone(),
+            multipliers: self.multipliers.clone(),
             overlap: self.overlap,
             report: self.report,
             invert_ms: AtomicU32::new(0),

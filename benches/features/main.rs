@@ -3,7 +3,7 @@
 //!
 //!     cargo bench -p vrtm-benches --bench features
 //!     cargo bench -p vrtm-benches --bench features -- --grid 256 --scenes fox --settings draft,default,seams=continue
-//!     cargo bench -p vrtm-benches --bench features -- --dense --settings default,protect=0.5,protect=1
+//!     cargo bench -p vrtm-benches --bench features -- --dense --settings default,harm=0
 //!     cargo bench -p vrtm-benches --bench features -- --grid 0 --at-texels
 
 #![allow(missing_docs)]
@@ -33,7 +33,7 @@ struct Args {
     /// Measure at the texels of the maps, not at the nodes of the grids.
     #[arg(long)]
     at_texels: bool,
-    /// Settings of the tiles that are compared, such as protect=1, room=0+smoothness=0.1, seams=continue or
+    /// Settings of the tiles that are compared, such as harm=0, room=0+smoothness=0.1, seams=continue or
     /// open_borders=slide; also draft, a quality.
     #[arg(long, value_delimiter = ',', default_values_t = ["default".to_owned()])]
     settings: Vec<String>,

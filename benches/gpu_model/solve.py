@@ -18,7 +18,7 @@ PROCESSORS, REGISTERS, SHARED, CLOCK, LAUNCH, EMPTY = (
 )
 # Kernels that no solve with default settings runs.
 UNUSED = {
-    "Protect", "ProtectFinest", "Previous", "Pull", "SamplesChords", "SamplesMetrics",
+    "Previous", "Pull", "SamplesChords", "SamplesMetrics",
 }  # fmt: skip
 # Solves: the two qualities, and the paper's solver with 1 and with 16 iterations on each level.
 QUALITIES = ("normal", "draft", "pbd 1", "pbd 16")
@@ -29,7 +29,7 @@ WIDE_BLOCKS = 2048
 # Passes of the smoother on the coarsest level have this many sweeps for one elsewhere (crates/core/src/method/law.rs).
 COARSEST = 2
 PLAIN = {
-    "params.pull": 0.0, "params.hold": 0.0, "params.orientation_density": 0.0, "params.lost": 0.0,
+    "params.pull": 0.0, "params.hold": 0.0, "params.orientation_density": 0.0, "params.multiplier": 0.0,
     "params.has_last_step": 0, "params.is_identity": 0, "params.items": 1, "params.factor": 1.0, "beyond_patch": 0.0,
 }  # fmt: skip
 # How often a warp of `assemble` looks up a neighbour beyond its patch: with slopes kept, and computed anew.

@@ -137,7 +137,7 @@ fn busy() -> Failure {
 #[cfg(test)]
 mod tests {
     use super::super::guard::guard;
-    use super::super::status::{VRTM_ERROR_CANCELLED, VRTM_ERROR_INTERNAL};
+    use super::super::status::VRTM_ERROR_INTERNAL;
     use super::*;
     use vrtm::Device;
     use vrtm_core::mesh::{MeshSource, UvSource};
@@ -181,48 +181,5 @@ mod tests {
         assert_eq!(status, VRTM_ERROR_INTERNAL);
         assert_eq!(asset.read(|asset| Ok(asset.tile_count())).unwrap(), 1);
         assert!(asset.write(|asset| Ok(asset.set_rigidity(0, None)?)).is_ok());
-    }
-
-    /// A job's thread, or a host's queue, may take its time to begin.
-    #[test]
-    fn what_has_not_begun_can_be_cancelled() {
-        let asset = triangle();
-        let controls: Vec<_> = (0..3).map(|_| Arc::new(Control::new())).collect();
-        let claim = asset.claim().unwrap();
-        claim.announce(&controls[0]);
-        asset.cancel();
-        assert!(controls[0].is_cancelled());
-        drop(claim);
-        asset.claim().unwrap().announce(&controls[1]);
-        asset.cancel();
-        assert!(!controls[1].is_cancelled(), "its claim has ended");
-        asset.end();
-        asset.claim().unwrap().announce(&controls[2]);
-        assert!(controls[2].is_cancelled());
-    }
-
-    #[test]
-    fn the_end_of_a_handle_cancels_solves() {
-        let rest = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let asset = triangle();
-        let solve = |cancel: fn(&SharedAsset)| {
-            let control = Arc::new(Control::new());
-            let positions = Strided::from_f32x3(&rest);
-            let request = vrtm::SolveRequest {
-                positions,
-                control: Some(control.clone()),
-                ..vrtm::SolveRequest::default()
-            };
-            asset.claim().unwrap().solve(&control, |own| {
-                cancel(&asset);
-                own.run(&request, &mut []).map_err(Failure::from)
-            })
-        };
-        assert!(solve(|_| ()).is_ok());
-        assert_eq!(solve(|asset| asset.cancel()).unwrap_err().status, VRTM_ERROR_CANCELLED);
-        assert!(solve(|_| ()).is_ok());
-        assert_eq!(solve(|asset| asset.end()).unwrap_err().status, VRTM_ERROR_CANCELLED);
-        // An ended asset stays ended.
-        assert_eq!(solve(|_| ()).unwrap_err().status, VRTM_ERROR_CANCELLED);
     }
 }

@@ -40,7 +40,7 @@ mirror! {
         grid_width: u32 = s.grid[0], grid_height: u32 = s.grid[1],
         overlap: vrtm_overlap,
         smoothness: f32, smoothness_floor: f32, orientation: f32, orientation_density: f32, room: f32, room_threshold: f32,
-        seams: vrtm_seams, seam_reach: f32, open_borders: vrtm_open_borders, protect: f32,
+        seams: vrtm_seams, seam_reach: f32, open_borders: vrtm_open_borders, harm: f32,
     }
 }
 

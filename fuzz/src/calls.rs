@@ -216,7 +216,7 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                     settings.grid_width = input.odd(16, &[17, 33, 48]);
                     settings.overlap = input.odd(0, &[1, 2]);
                     settings.orientation_density = input.odd(0.0, &[0.5, -1.0]);
-                    settings.protect = input.odd(0.0, &[0.5, 1.0, -1.0]);
+                    settings.harm = input.odd(10.0, &[0.0, 16.0, -1.0]);
                     settings.seams = input.odd(VRTM_SEAMS_SHUT, &[VRTM_SEAMS_CONTINUE, VRTM_SEAMS_KEEP, 3]);
                     settings.open_borders = input.odd(VRTM_OPEN_BORDERS_FIXED, &[VRTM_OPEN_BORDERS_SLIDE, 2]);
                     for number in [

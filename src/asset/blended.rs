@@ -8,13 +8,9 @@ use vrtm_core::backend::Warp;
 use vrtm_core::grid::Grid;
 use vrtm_cpu::certify::Certificate;
 
-/// The key of the copies of all tiles.
-#[derive(Debug, PartialEq)]
-pub(super) struct CopiesKey {
-    /// Of the tiles that are blended together. A grid is of one mesh alone, and those of the others are always the
-    /// same.
-    pub grids: Vec<Option<Same<Grid>>>,
-}
+/// The key of the copies of all tiles: the grids of those that are blended together. A grid is of one mesh alone, and
+/// those of the others are always the same.
+pub(super) type CopiesKey = Vec<Option<Same<Grid>>>;
 
 #[derive(Debug)]
 pub(super) struct Blended {

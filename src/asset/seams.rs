@@ -10,7 +10,7 @@ use super::results::not_solved;
 use super::tile::TileState;
 use crate::device::Device;
 use crate::solved::Solved;
-use vrtm_beyond::{Blends, Copies, Depths, Limited, Places, Side, blend};
+use vrtm_beyond::{Copies, Depths, Limited, Places, Side, blend};
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Warp;
 use vrtm_core::clock::Instant;
@@ -122,7 +122,7 @@ fn find_copies(
     tiles: &mut [TileState],
 ) -> Result<Arc<CopiesKey>> {
     let same = |solved: &Option<&Arc<Solved>>| solved.map(|solved| Same::of(&solved.grid));
-    let key = Arc::new(CopiesKey { grids: solved.iter().map(same).collect() });
+    let key: Arc<CopiesKey> = Arc::new(solved.iter().map(same).collect());
     let grids: Vec<Option<&Grid>> = solved.iter().map(|solved| solved.map(|solved| &*solved.grid)).collect();
     let mut depths = None;
     let of_tiles = tiles.iter_mut().zip(solved).enumerate();
@@ -130,7 +130,7 @@ fn find_copies(
         let Some(solved) = solved.filter(|solved| solved.extended.is_some()) else { continue };
         state.copies.get(device, key.clone(), |_, booked| {
             let depths = depths.get_or_insert_with(|| Depths::new(team, places, &grids));
-            let copies = Copies::new(team, &Blends { places, depths }, &solved.grid, tile);
+            let copies = Copies::new(team, places, depths, &solved.grid, tile);
             // The blend is a result of its own.
             booked.set(copies.bytes() as u64 + Solved::bytes_for(&solved.grid), &solved.mesh.name())?;
             Ok(copies)

@@ -194,6 +194,10 @@ impl TileState {
         {
             return Ok(None);
         }
+        let multipliers = match &mut solution {
+            Some(solution) => std::mem::take(&mut solution.multipliers),
+            None => Vec::from(self.multipliers(grid)),
+        };
         let (gutter, build_ms) = self.gutter_and_ms(&call.on, self.is_torn())?;
         let WarpResult { warp, results, mut report, work } = begun.result(call.plan, grid, solution)?;
         self.fill_report(&mut report, grid, mesh, &begun.tasks, &results);
@@ -212,6 +216,7 @@ impl TileState {
             grid: grid.clone(),
             warp,
             results,
+            multipliers,
             overlap: settings.overlap,
             report,
             invert_ms: AtomicU32::new(0),
@@ -254,6 +259,12 @@ impl TileState {
     /// The last warp on a grid with the same blocks.
     pub fn last_warp(&self, grid: &Grid) -> Option<&Warp> {
         self.last_on(grid).map(|last| &*last.solved.warp)
+    }
+
+    /// The multipliers of the last result's features; empty if the grid has others.
+    pub fn multipliers(&self, grid: &Grid) -> &[f32] {
+        let last = self.last_on(grid).filter(|last| Arc::ptr_eq(&last.solved.grid.features, &grid.features));
+        last.map_or(&[], |last| &last.solved.multipliers)
     }
 
     fn tasks(
@@ -307,10 +318,11 @@ impl TileState {
         // Taken out during the run: if a stage panics, the memory is dropped.
         let mut solver = self.take_solver(device, prepared, Purpose::new(plan.solver(), settings))?;
         let last = self.last_warp(grid);
-        let (continuation, protect) = (plan.continuation, plan.protect(settings));
+        let (continuation, harm) = (plan.continuation, plan.harm(settings));
         let pull = if last.is_some() { plan.temporal_weight } else { 0.0 };
         let (charts, pose) = (&begun.solved()[..], &begun.pose);
-        let input = Input { grid, mesh, pose, settings, protect, charts, continuation, pull };
+        let multipliers = if plan.warm { self.multipliers(grid) } else { &[] };
+        let input = Input { grid, mesh, pose, settings, harm, multipliers, charts, continuation, pull };
         let solution = solver.run(call, input, call.progress, &[last], &begun.kept());
         if is_usable_after(&solution) {
             self.solver = Some(solver);

@@ -245,23 +245,30 @@ impl Together {
         let mut keep = charts.clone();
         let mut pose = Pose { charts: Vec::with_capacity(charts.len()) };
         let mut lasts: Vec<Option<&Warp>> = Vec::with_capacity(self.members.len());
+        let mut multipliers: Vec<f32> = Vec::new();
+        let of_features = self.ranges(|member| member.grid.features.count);
         for (m, member) in self.members.iter().enumerate() {
             let Some(k) = places.iter().position(|&place| place == m) else {
                 pose.charts.extend(nowhere(member));
                 lasts.push(None);
+                multipliers.resize(of_features[m].end, 0.0);
                 continue;
             };
             let Queued { state, prepared, begun, .. } = &unit[k];
             pose.charts.extend(begun.pose.charts.iter().cloned());
             lasts.push(state.last_warp(&prepared.grid));
+            multipliers.extend_from_slice(state.multipliers(&prepared.grid));
+            multipliers.resize(of_features[m].end, 0.0);
             charts[of_charts[m].clone()].copy_from_slice(&begun.solved());
             keep[of_charts[m].clone()].copy_from_slice(&begun.kept());
         }
         let settings = &call.on.given.maps[unit[0].state.tile].settings;
         let (grid, plan, mesh) = (&self.grid, call.plan, &*unit[0].prepared.mesh);
         let pull = if lasts.iter().any(Option::is_some) { plan.temporal_weight } else { 0.0 };
-        let (continuation, protect) = (plan.continuation, plan.protect(settings));
-        let input = Input { grid, mesh, pose: &pose, settings, protect, charts: &charts, continuation, pull };
+        let (continuation, harm) = (plan.continuation, plan.harm(settings));
+        let multipliers = if plan.warm { &multipliers[..] } else { &[] };
+        let (pose, charts) = (&pose, &charts[..]);
+        let input = Input { grid, mesh, pose, settings, harm, multipliers, charts, continuation, pull };
         let lost = || Error::new(ErrorKind::Internal, "the solver of tiles together is gone");
         // Taken out during the run: if a stage panics, the memory is dropped.
         let mut solver = self.solver.take().ok_or_else(lost)?;
@@ -279,6 +286,7 @@ impl Together {
             Ok(TileSolution {
                 warp: Warp::Gpu(warp.part(&self.members[m].grid, of_blocks[m].clone())),
                 charts: Vec::from(&solution.charts[of_charts[m].clone()]),
+                multipliers: Vec::from(solution.multipliers.get(of_features[m].clone()).unwrap_or(&[])),
                 summary: solution.summary.share(share as f32),
                 node_updates: of(solution.node_updates),
                 blocks_active: of(solution.blocks_active),

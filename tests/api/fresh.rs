@@ -168,7 +168,7 @@ impl Given {
                 let settings = &mut self.settings[tile];
                 match random.below(12) {
                     0..=2 => settings.room = random.one(&[0.3, 0.1]),
-                    3 | 4 => settings.protect = random.one(&[0.0, 0.5]),
+                    3 | 4 => settings.harm = random.one(&[10.0, 0.0]),
                     5 => settings.smoothness = random.one(&[0.02, 0.1]),
                     6 => settings.grid = random.one(&[[Some(32); 2], [Some(16), Some(48)], [None; 2]]),
                     7 => settings.overlap = random.one(&[Overlap::Fixed, Overlap::FirstFace]),

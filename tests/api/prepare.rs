@@ -373,7 +373,8 @@ fn a_stroke_takes_a_small_part_of_preparing() {
     }
     let share = stroking.as_secs_f64() / preparing.as_secs_f64();
     println!("preparing {preparing:?}, a stroke {stroking:?}: {:.2} %", 100.0 * share);
-    assert!(share <= 0.05, "{share}");
+    // About 4 %, of which finding the features of the whole tile is a part.
+    assert!(share <= 0.08, "{share}");
 }
 
 /// Pages of a map that no chart comes near to are not held, and what is on them has no effect on any grid.

@@ -127,13 +127,13 @@ fn initialisers_set_the_defaults() {
         ("vrtm_tile_settings", "", "room", single(tile.room)),
         ("vrtm_tile_settings", "", "room_threshold", single(tile.room_threshold)),
         ("vrtm_tile_settings", "", "seam_reach", single(tile.seam_reach)),
+        ("vrtm_tile_settings", "", "harm", single(tile.harm)),
         ("vrtm_solve_options", "pbd.", "iterations", f64::from(pbd.iterations)),
         ("vrtm_solve_options", "pbd.", "smoothing", single(pbd.smoothing)),
         ("vrtm_solve_options", "pbd.", "coarse_correction", single(pbd.coarse_correction)),
         ("vrtm_refinement_desc", "", "tolerance", refinement.tolerance),
     ];
-    let zeros =
-        [tile.protect, tile.orientation, tile.orientation_density, pbd.damping, pbd.orientation_preservation];
+    let zeros = [tile.orientation, tile.orientation_density, pbd.damping, pbd.orientation_preservation];
     assert!(zeros.iter().all(|value| *value == 0.0));
     assert_eq!(GENERATED.matches("    value.").count(), fields.len() + 1, "the size, and these");
     for (of, path, field, default) in fields {
@@ -152,7 +152,8 @@ fn initialisers_set_the_defaults() {
         let above = body.split_once(&format!(" {field};")).unwrap().0.lines().rev().skip(1);
         let comment: Vec<_> = above.map_while(|line| line.strip_prefix("    // ")).collect();
         let comment = comment.into_iter().rev().collect::<Vec<_>>().join(" ");
-        let told = format!("efault {}", text.trim_end_matches('f').replace("1.0 / ", "1/"));
+        let told =
+            format!("efault {}", text.trim_end_matches(".0f").trim_end_matches('f').replace("1.0 / ", "1/"));
         assert!(comment.contains(&told), "{holder}.{field}: {told:?} is not in {comment:?}");
     }
 }

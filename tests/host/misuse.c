@@ -291,10 +291,10 @@ static void maps(void)
          fails("no floor", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness_floor"));
     WITH(float, settings.room_threshold, 2,
          fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));
-    WITH(float, settings.protect, 1.5f,
-         fails("protect 1.5", vrtm_tile_set_settings(tile, &settings), BAD, "settings.protect: 1.5 is not between"));
-    WITH(float, settings.protect, NAN,
-         fails("protect NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.protect"));
+    WITH(float, settings.harm, 17,
+         fails("harm 17", vrtm_tile_set_settings(tile, &settings), BAD, "settings.harm: 17 is not between"));
+    WITH(float, settings.harm, NAN,
+         fails("harm NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.harm"));
     WITH(vrtm_seams, settings.seams, 3,
          fails("seams 3", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seams is 3"));
     WITH(float, settings.seam_reach, -1,

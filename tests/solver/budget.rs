@@ -92,8 +92,17 @@ impl Scene {
         let pose = Pose::new(tile, |v| self.positions[v as usize], Some(&grid.rest));
         let (charts, continuation) = (&[true][..], plan.continuation);
         let settings = &self.maps.settings;
-        let input =
-            Input { grid, mesh: tile, pose: &pose, settings, protect: 0.0, charts, continuation, pull: 0.0 };
+        let input = Input {
+            grid,
+            mesh: tile,
+            pose: &pose,
+            settings,
+            harm: 0.0,
+            multipliers: &[],
+            charts,
+            continuation,
+            pull: 0.0,
+        };
         let mut memory = Memory::new(grid, Purpose::new(options.solver, settings));
         let mut warp = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
         let mut level_0 = warp.clone();

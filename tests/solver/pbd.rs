@@ -356,8 +356,12 @@ fn the_energy_is_the_reference_s() {
     let model = Model::from(scenes::analytic::torus());
     for device in devices() {
         let mut asset = model.asset_on(&device, 64);
-        let settings =
-            TileSettings { orientation: 0.1, orientation_density: 0.7, ..asset.settings(0).unwrap() };
+        let settings = TileSettings {
+            orientation: 0.1,
+            orientation_density: 0.7,
+            harm: 0.0,
+            ..asset.settings(0).unwrap()
+        };
         let mut energies = Vec::new();
         for density in [0.0, settings.orientation_density] {
             asset.set_settings(0, &TileSettings { orientation_density: density, ..settings }).unwrap();

@@ -113,10 +113,10 @@ class Linked(LinkedCase):
         self.assertIn("Up to date", shown)
         self.assertIn("The mesh is linked from another file: the result is an image alone", shown)
         # Saved and opened, all of it is there.
-        settings.protect = 0.5
+        settings.harm = 0.5
         obj = self.opened_again()
         settings, [slot] = obj.vrtm, obj.material_slots
-        self.assertEqual((settings.rigidity_image.name, settings.live, settings.protect), ("rigidity", True, 0.5))
+        self.assertEqual((settings.rigidity_image.name, settings.live, settings.harm), ("rigidity", True, 0.5))
         self.assertEqual((slot.link, slot.material.library), ("OBJECT", None))
         self.assertSame(pixels(settings.image)[..., :2], in_file(delta))
         self.assertIsNone(part("results").missing(obj))

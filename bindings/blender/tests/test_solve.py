@@ -168,7 +168,7 @@ class Solve(Case):
         settings, asset = arm.object.vrtm, arm.asset()
         bpy.context.scene.frame_set(5)
         for name, value, of in (
-            ("protect", 0.5, {"protect": 0.5}),
+            ("harm", 0, {"harm": 0}),
             ("calm", 1, {"smoothness": 0.08}),
             ("calm", -1, {"smoothness": 0.005}),
             ("keep_direction", 0.5, {"orientation_density": 0.5}),

@@ -108,7 +108,7 @@ class VRTM_PT_advanced(_Part, bpy.types.Panel):
         # Names stand within the fields: beside them the longest is cut at the panel's usual width.
         layout = self.layout
         for name, text in (
-            ("protect", "Up: fewer features look worse than before"),
+            ("harm", "Leave it: no feature looks worse than before"),
             ("calm", "Up: no jitter in films. Down: rounder features"),
             ("keep_direction", "Up: scales and lettering turn less"),
             ("room", "Leave it, unless skin is crushed"),

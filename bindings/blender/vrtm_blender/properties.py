@@ -183,13 +183,13 @@ class VrtmSettings(bpy.types.PropertyGroup):
         name="Measure Strain", description="Also measure how much the features are strained. Slow", update=_changed
     )
     # In artists' words; solve.py has the library's.
-    protect: FloatProperty(
-        name="Protect",
-        description="Features that the pose does not strain stay round, before those that it strains. At 0.5 hardly "
-        "any looks worse than without vrtm, and the strained ones keep a little more strain; 1 is for stills",
-        subtype="FACTOR",
+    harm: FloatProperty(
+        name="No Harm",
+        description="How much stiffer a feature gets where it would look worse than without vrtm. At 0 all give way "
+        "alike, and in a crowd some look worse",
         min=0,
-        max=1,
+        max=16,
+        default=5,
         update=_changed,
     )
     calm: FloatProperty(

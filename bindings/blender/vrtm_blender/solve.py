@@ -73,7 +73,7 @@ def settings_of(obj: bpy.types.Object) -> dict[str, object]:
     if turns and (found.seams == "continue" or found.open_borders == "slide"):
         raise Problem(f"{obj.name}: Keep Direction does not go with seams that continue: set it to 0, or Seams to Auto")
     # Calm 1 and -1 are the ends of what is of use, 4 times the library's smoothness and a quarter of it.
-    knobs = {"protect": settings.protect, "smoothness": 0.02 * 4**settings.calm, "room": settings.room}
+    knobs = {"harm": settings.harm, "smoothness": 0.02 * 4**settings.calm, "room": settings.room}
     knobs["orientation_density"] = turns
     return {"grid_width": grid, "grid_height": grid, "overlap": overlap} | ways | knobs
 

@@ -113,7 +113,7 @@ def test_frames_that_start_from_one_another(scene: Path, tmp_path: Path) -> None
 
 def test_settings_of_tiles_reach_the_library(scene: Path, tmp_path: Path) -> None:
     given = {"smoothness": 0.1, "orientation": 0.5, "room": 0.6, "room_threshold": 0.2, "smoothness_floor": 0.001}
-    given |= {"orientation_density": 0.3, "protect": 0.5}
+    given |= {"orientation_density": 0.3, "harm": 0}
     options = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", value)]
     arguments = sheet_arguments(scene, tmp_path / "out", "--frames", 3, "--tiles", 1001)
     run(*arguments, *options, "--overlap", "first")

@@ -42,7 +42,7 @@ export interface Settings {
   seams?: "shut" | "continue" | "keep";
   seamReach?: number;
   openBorders?: "fixed" | "slide";
-  protect?: number;
+  harm?: number;
 }
 
 /** Options of a solve. */

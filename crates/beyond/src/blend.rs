@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-pub use copies::{Blends, Copies};
+pub use copies::Copies;
 use copies::{Node, NodeCopy};
 pub use depths::Depths;
 use depths::smooth;

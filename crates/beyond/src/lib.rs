@@ -15,6 +15,6 @@ mod collar;
 mod extended;
 mod blend;
 
-pub use blend::{Blends, Copies, Depths, Limited, Places, Side, blend};
+pub use blend::{Copies, Depths, Limited, Places, Side, blend};
 pub use collar::{CollarTriangle, Surface, collar};
 pub use extended::extended;

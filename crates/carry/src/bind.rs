@@ -99,10 +99,6 @@ impl Pieces {
         Pieces { of_point, points: sorted.iter().map(|(_, k)| *k).collect(), ends }
     }
 
-    pub fn has(&self, point: usize) -> bool {
-        self.of_point[point] != NONE
-    }
-
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.of_point) + size_of_val(&*self.points) + size_of_val(&*self.ends)
     }

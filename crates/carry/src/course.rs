@@ -179,7 +179,8 @@ impl Course {
             let (mut points, mut bodies) = (Vec::with_capacity(CHUNK), Vec::new());
             for n in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
                 let (mut point, body) = of_point(n);
-                let has_piece = pieces.is_some_and(|pieces| pieces.has(binding.order[n] as usize));
+                let k = binding.order[n] as usize;
+                let has_piece = pieces.is_some_and(|pieces| pieces.of_point[k] != NONE);
                 if body.feature != NONE || has_piece {
                     point.body = bodies.len() as u32;
                     bodies.push(body);

@@ -7,6 +7,7 @@ use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::coverage::{NodeMaps, node_maps};
 use vrtm_core::grid::maps::Values;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
+use vrtm_core::sets::root;
 use vrtm_core::team::Team;
 
 use crate::surface::{Posed, Spot, Surface, weights};
@@ -106,16 +107,8 @@ impl<'a> Features<'a> {
         features
     }
 
-    fn root(&mut self, mut a: u32) -> u32 {
-        while self.sets[a as usize] != a {
-            self.sets[a as usize] = self.sets[self.sets[a as usize] as usize];
-            a = self.sets[a as usize];
-        }
-        a
-    }
-
     fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
+        let (a, b) = (root(&mut self.sets, a), root(&mut self.sets, b));
         self.sets[a.max(b) as usize] = a.min(b);
     }
 
@@ -245,7 +238,7 @@ impl<'a> Features<'a> {
         let mut number = vec![NONE; self.rigid.len()];
         let mut count = 0;
         for feature in used.iter_mut().filter(|feature| **feature != NONE) {
-            let root = self.root(*feature) as usize;
+            let root = root(&mut self.sets, *feature) as usize;
             if number[root] == NONE {
                 number[root] = count;
                 count += 1;
@@ -254,7 +247,7 @@ impl<'a> Features<'a> {
         }
         let mut members: Vec<(u32, u32)> = Vec::new();
         for a in 0..self.rigid.len() as u32 {
-            let root = self.root(a) as usize;
+            let root = root(&mut self.sets, a) as usize;
             if number[root] != NONE {
                 members.push((number[root], a));
             }

@@ -51,6 +51,8 @@ pub struct TileSolution {
     pub warp: Warp,
     /// Per chart; meaningful for the solved charts.
     pub charts: Vec<ChartResult>,
+    /// Per feature, its multiplier at the end (method §4, Harm).
+    pub multipliers: Vec<f32>,
     pub summary: Summary,
     pub node_updates: u64,
     pub blocks_active: u64,

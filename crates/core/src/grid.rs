@@ -22,6 +22,8 @@ pub mod density;
 pub mod fill;
 mod gather;
 pub mod window;
+pub mod features;
+mod labels;
 pub mod interpolation;
 mod joined;
 pub mod maps;
@@ -40,6 +42,7 @@ use crate::allocation::Vec;
 use crate::mesh::TileMesh;
 use blocks::{Blocks, Part};
 use codes::Lengths;
+use features::Features;
 use gather::Gather;
 use interpolation::StiffnessPlanes;
 use mirrors::Hold;
@@ -105,6 +108,8 @@ pub struct Grid {
     pub at_gaps: u64,
     /// True if nodes have a density, or something that holds them.
     pub has_extra: bool,
+    /// The painted features.
+    pub features: Arc<Features>,
     /// The rest pose, in units of the charts.
     pub rest: Arc<Pose>,
     /// The blocks and movable nodes of each level.
@@ -184,13 +189,14 @@ impl Grid {
     }
 }
 
-/// Bytes of a block of level k: its nodes' rigidity, mobility, rest lengths, interpolation weights, and triangles or
-/// coverage, and its entry among the blocks. On level 1 this includes the minimum for `Gather`.
+/// Bytes of a block of level k: its nodes' rigidity, mobility, rest lengths, interpolation weights, features, and
+/// triangles or coverage, and its entry among the blocks. On level 1 this includes the minimum for `Gather`.
 fn block_bytes(k: usize) -> usize {
     let gather = if k == 1 { GATHER_BYTES } else { 0 };
     let stiffness = if k > 1 { size_of::<StiffnessPlanes>() } else { 0 };
     let place = size_of::<blocks::Block>() + size_of::<node_set::NodeSet>() + (9 + 4 + 1) * 4;
-    (2 + 1 + 8 + 1 + 4 + gather) * NODES + stiffness + place
+    let tags = if k < features::LEVELS { features::BLOCK_BYTES } else { 0 };
+    (2 + 1 + 8 + 1 + 4 + gather) * NODES + stiffness + place + tags
 }
 
 impl Survey<'_> {

@@ -24,6 +24,7 @@ pub mod view;
 pub mod log;
 pub mod settings;
 pub mod report;
+pub mod sets;
 pub mod mesh;
 pub mod image;
 pub mod grid;

@@ -202,10 +202,9 @@ settings! {
         pub seam_reach: f32 = 0.03125;
         /// Treatment of open borders. [`OpenBorders::Slide`] goes only with an `orientation_density` of 0.
         pub open_borders: OpenBorders = OpenBorders::Fixed;
-        /// Priority, 0..1, of rigid features that the pose does not strain over strained ones. At 0 each gives
-        /// way alike, and in a crowd a feature may come out worse than without the warp; the higher this is,
-        /// the fewer do, and the others keep a little more strain. For [`Solver::Descent`].
-        pub protect: f32 = 0.0, 0.0 to 1.0;
+        /// Stiffness, 0..16, that a painted feature gains where it would come out worse than without the warp. At 0
+        /// all features give way alike, and in a crowd some come out worse. For [`Solver::Descent`].
+        pub harm: f32 = 5.0, 0.0 to 16.0;
     }
 }
 
@@ -215,8 +214,8 @@ impl TileSettings {
     #[must_use]
     pub fn weights(&self) -> [f32; 7] {
         let TileSettings { smoothness, smoothness_floor, orientation, orientation_density, .. } = *self;
-        let TileSettings { room, room_threshold, protect, .. } = *self;
-        [smoothness, smoothness_floor, orientation, orientation_density, room, room_threshold, protect]
+        let TileSettings { room, room_threshold, harm, .. } = *self;
+        [smoothness, smoothness_floor, orientation, orientation_density, room, room_threshold, harm]
     }
 
     /// Borders beyond which charts continue, if any.

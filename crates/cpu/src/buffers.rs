@@ -18,19 +18,21 @@ pub struct Buffers {
     pub triangle: Vec<Plane<u32>>,
     /// Pose metrics at the nodes; coarser levels only.
     pub metric: Vec<[Plane; 3]>,
-    /// Weight reduction of the nodes' rigidity (`protect`); empty if nothing is protected.
-    pub lost: Vec<Plane<u16>>,
+    /// Codes of the nodes' multipliers (`harm`), and whether this solve has weighed the level with them.
+    pub multiplier: Vec<Plane<u16>>,
+    pub is_weighed: bool,
 }
 
 impl Buffers {
-    /// Allocates the state of `blocks` blocks, without pose metrics and protection.
+    /// Allocates the state of `blocks` blocks, without pose metrics and multipliers.
     pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
         Buffers {
             u: allocator.zeros(blocks),
             value: allocator.zeros(blocks),
             triangle: allocator.zeros(if finest { blocks } else { 0 }),
             metric: Vec::new(),
-            lost: Vec::new(),
+            multiplier: Vec::new(),
+            is_weighed: false,
         }
     }
 
@@ -40,7 +42,7 @@ impl Buffers {
             u: SharedSlice::new(&mut self.u),
             value: SharedSlice::new(&mut self.value),
             triangle: SharedSlice::new(&mut self.triangle),
-            lost: SharedSlice::new(&mut self.lost),
+            multiplier: SharedSlice::new(if self.is_weighed { &mut self.multiplier } else { &mut [] }),
         }
     }
 }
@@ -68,6 +70,6 @@ pub struct State {
     pub value: SharedSlice<[Plane; 3]>,
     /// The triangle under W(p) on the finest level; empty on coarser ones.
     pub triangle: SharedSlice<Plane<u32>>,
-    /// Weight reduction of rigidity; sweeps only read it.
-    pub lost: SharedSlice<Plane<u16>>,
+    /// Codes of the nodes' multipliers, which sweeps only read; empty where the level is not weighed.
+    pub multiplier: SharedSlice<Plane<u16>>,
 }

@@ -19,6 +19,9 @@ impl Run<'_> {
     pub(super) fn certify_result(&mut self, allow_folds: bool) {
         // If work has ended on a coarser level, the energies there count, and are known.
         self.complete_energies(0, allow_folds);
+        if !allow_folds {
+            self.weigh_identity();
+        }
         let certificates = self.certificates();
         for c in 0..self.charts.len() {
             if !self.charts[c] {

@@ -4,7 +4,7 @@ use vrtm_core::grid::Level;
 use vrtm_core::grid::codes;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
-use vrtm_core::method::law::LOST_STEPS;
+use vrtm_core::method::law::MULTIPLIER_STEPS;
 
 use super::lanes::{LANES, Lanes};
 
@@ -24,21 +24,21 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
     }
 }
 
-/// Takes from the rigidities in the window of block `b` what they have lost (method §4, Protection).
+/// Multiplies the rigidities in the window of block `b` by 1 plus their multipliers (method §4, Harm).
 #[inline(always)]
-pub fn weaken<'a, V: Lanes>(
+pub fn stiffen<'a, V: Lanes>(
     level: &Level,
-    lost: impl Fn(usize) -> &'a Plane<u16>,
+    multiplier: impl Fn(usize) -> &'a Plane<u16>,
     b: usize,
     rigidity: &mut Window,
 ) {
     let mut codes: Window<u16> = [0; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], 0, lost, &mut codes);
-    // Vectors overlap, so that what has been weakened must not be read again.
+    window::load(&level.blocks.neighbours[b], 0, multiplier, &mut codes);
+    // Vectors overlap, so that what has been stiffened must not be read again.
     let whole = *rigidity;
     for at in window_vectors() {
-        let left = V::one() - V::load_u16(&codes, at) * (1.0 / LOST_STEPS);
-        (V::load(&whole, at) * left).store(rigidity, at);
+        let factor = V::one() + V::load_u16(&codes, at) * (1.0 / MULTIPLIER_STEPS);
+        (V::load(&whole, at) * factor).store(rigidity, at);
     }
 }
 

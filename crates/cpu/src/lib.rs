@@ -8,7 +8,7 @@
 mod surface;
 mod pyramid;
 mod prolong;
-mod protect;
+mod harm;
 mod relax;
 mod correct;
 mod pbd;

@@ -4,6 +4,7 @@ use std::sync::{Arc, Weak};
 
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
+use vrtm_core::grid::features::LEVELS;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::method::plan::Purpose;
 use vrtm_core::settings::Solver;
@@ -105,8 +106,8 @@ impl Memory {
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
             let metric = allocator.zeros(if k > 0 { blocks } else { 0 });
-            let lost = allocator.zeros(if purpose.protects { blocks } else { 0 });
-            levels.push(Buffers { metric, lost, ..Buffers::new(allocator, blocks, k == 0) });
+            let multiplier = allocator.zeros(if purpose.weighs && k < LEVELS { blocks } else { 0 });
+            levels.push(Buffers { metric, multiplier, ..Buffers::new(allocator, blocks, k == 0) });
         }
         let (workspace, pbd) = if purpose.solver == Solver::Pbd {
             (Workspace::default(), PbdBuffers::new(allocator, grid))
@@ -115,7 +116,6 @@ impl Memory {
         };
         let triangles = allocator.zeros(grid.triangles.len());
         let metrics = allocator.zeros(grid.triangles.len());
-        let (blocks, lists) = (Weak::new(), Default::default());
-        Memory { blocks, purpose, levels, workspace, pbd, triangles, metrics, lists }
+        Memory { purpose, levels, workspace, pbd, triangles, metrics, ..Memory::default() }
     }
 }

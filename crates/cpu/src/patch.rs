@@ -53,15 +53,15 @@ impl Weights {
     }
 
     pub fn new(input: &Input, level: usize) -> Weights {
-        let (settings, scale) = (input.settings, input.least_weight());
+        let settings = input.settings;
         Weights {
-            smoothness: scale * input.smoothness(level),
-            smoothness_floor: scale * settings.smoothness_floor,
-            orientation: scale * settings.orientation,
-            orientation_density: scale * settings.orientation_density,
-            room: scale * settings.room,
+            smoothness: input.smoothness(level),
+            smoothness_floor: settings.smoothness_floor,
+            orientation: settings.orientation,
+            orientation_density: settings.orientation_density,
+            room: settings.room,
             room_threshold: settings.room_threshold,
-            pull: if level == 0 { scale * input.pull } else { 0.0 },
+            pull: if level == 0 { input.pull } else { 0.0 },
         }
     }
 
@@ -81,6 +81,7 @@ pub struct Patch {
     pub u: [Window; 2],
     pub value: [Window; 3],
     pub triangle: Window<u32>,
+    /// Rigidity, times 1 plus the multiplier (method §4, Harm).
     pub rigidity: Window,
     /// Rest lengths l of the owned edges.
     pub length: [Window; 4],
@@ -161,9 +162,9 @@ impl Patch {
             }
         }
         decode::rigidity::<V>(level, b, &mut self.rigidity);
-        if !state.lost.is_empty() {
+        if !state.multiplier.is_empty() {
             // SAFETY: no stage that loads patches writes it.
-            decode::weaken::<V>(level, |b| unsafe { state.lost.get(b) }, b, &mut self.rigidity);
+            decode::stiffen::<V>(level, |b| unsafe { state.multiplier.get(b) }, b, &mut self.rigidity);
         }
         window::load(neighbours, 0, |b| &level.movable[b], &mut self.movable);
         let floor = V::splat(self.floor);

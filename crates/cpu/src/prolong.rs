@@ -27,6 +27,7 @@ impl Run<'_> {
         self.work[level].stored = stored;
         if level == 0 {
             self.store_identity_energy(0);
+            self.sum_identity();
         }
     }
 

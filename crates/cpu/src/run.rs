@@ -12,6 +12,7 @@ use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::pose::Pose;
 use vrtm_core::grid::window::Window;
 use vrtm_core::mesh::TileMesh;
+use vrtm_core::method::law::WARM_MULTIPLIER;
 use vrtm_core::method::plan::{ChartResult, Input, Purpose};
 use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::team::{PerThread, Team, Worker};
@@ -34,12 +35,20 @@ impl TileSolver for Memory {
         let mut u = solve.initial_displacements()?;
         let mut run = Run::new(solve.team, &solve.input, self, &mut u, solve.anchor()?);
         let summary = solve.run_schedule(&mut run);
-        let charts = std::mem::take(&mut run.results);
+        let (charts, multipliers) = (std::mem::take(&mut run.results), std::mem::take(&mut run.multipliers));
         let node_updates = run.node_updates.load(Ordering::Relaxed);
         let blocks_active = run.work[0].active.len() as u64;
         // For the next solve.
         run.memory.lists = [run.work, run.spare];
-        Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })
+        Ok(TileSolution {
+            warp: Warp::Host(u),
+            charts,
+            multipliers,
+            summary,
+            node_updates,
+            blocks_active,
+            work: None,
+        })
     }
 }
 
@@ -52,8 +61,12 @@ pub struct Run<'a> {
     pub(super) memory: &'a mut Memory,
     /// Weights of the energy per level.
     pub(super) weights: Vec<Weights>,
-    /// See `Input::least_weight`.
-    pub(super) least_weight: f32,
+    /// H of method §4, Harm.
+    pub(super) harm: f32,
+    /// Per piece of level 0, the sum of the squares of the strain that the pose alone gives its edges.
+    pub(super) identity_squares: Vec<f32>,
+    /// Per feature, its multiplier.
+    pub(super) multipliers: Vec<f32>,
     pub(super) work: Vec<Lists>,
     /// Memory for a copy of these.
     pub(super) spare: Vec<Lists>,
@@ -101,6 +114,7 @@ impl<'a> Run<'a> {
                 }
             }
         }
+        memory.levels.iter_mut().for_each(|level| level.is_weighed = false);
         Run {
             team,
             grid,
@@ -108,7 +122,12 @@ impl<'a> Run<'a> {
             pose,
             memory,
             weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collect(),
-            least_weight: input.least_weight(),
+            harm: input.harm,
+            identity_squares: Vec::new(),
+            multipliers: match input.multipliers.len() == grid.features.count {
+                true => Vec::from(input.multipliers),
+                false => zeroed(grid.features.count),
+            },
             work,
             spare,
             charts,
@@ -209,14 +228,17 @@ impl Stages for Run<'_> {
         }
         match *stage {
             Stage::Surface => self.pose_triangles(),
-            Stage::Pyramid { coarsest } => {
-                self.pose_metrics(coarsest);
-                self.protect(coarsest);
-            }
+            Stage::Pyramid { coarsest } => self.pose_metrics(coarsest),
             Stage::Start { level, from } => match from {
                 Start::Identity => self.start_from_identity(level),
-                Start::Previous => self.start_from_previous(),
-                Start::Coarser => self.prolong_level(level),
+                Start::Previous => {
+                    self.start_from_previous();
+                    self.weigh(level, WARM_MULTIPLIER);
+                }
+                Start::Coarser => {
+                    self.prolong_level(level);
+                    self.weigh(level, 1.0);
+                }
                 Start::Smoothed(smoothing) => {
                     self.prolong_level(level);
                     self.regularise_level(level, smoothing);

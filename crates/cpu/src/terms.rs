@@ -5,7 +5,7 @@ use super::lanes::{Lanes, Mask, each};
 use super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::row::Row;
 use super::sampling::{GradientTerms, Slopes, Surface};
-use vrtm_core::method::law::{COMPRESSION_STIFFNESS, MIN_OFFSET_SQUARE, TENSION_STIFFNESS};
+use vrtm_core::method::law::{COMPRESSION_STIFFNESS, HARM_STRESS, MIN_OFFSET_SQUARE, TENSION_STIFFNESS};
 
 /// The energy terms at each node of a row.
 pub struct Terms<V> {
@@ -361,10 +361,11 @@ pub struct Edge<V: Lanes> {
 }
 
 impl<V: Lanes> Edge<V> {
-    /// Stiffness of the smoothness term: (λ (1-w) + λ0) / |d0|².
+    /// Stiffness of the smoothness term: (λ max(0, 1-w) + λ0) / |d0|².
     #[inline(always)]
     pub fn smoothness(&self, weights: &Weights) -> V {
-        ((V::one() - self.weight) * weights.smoothness + weights.smoothness_floor) * self.inverse_rest_square
+        ((V::one() - self.weight).max(V::zero()) * weights.smoothness + weights.smoothness_floor)
+            * self.inverse_rest_square
     }
 
     /// The stress stiffness of the edge (method §4, Derivatives). `length` is L.
@@ -374,7 +375,9 @@ impl<V: Lanes> Edge<V> {
         let size = (strain * TENSION_STIFFNESS).max(strain * -COMPRESSION_STIFFNESS);
         let square = self.d[0] * self.d[0] + self.d[1] * self.d[1];
         let square = square.max(V::splat(MIN_OFFSET_SQUARE / self.inverse_rest_square));
-        self.weight * size * (length * self.inverse_length) / square
+        let added = (self.weight - V::one()).max(V::zero());
+        let weight = self.weight + added * (HARM_STRESS - 1.0);
+        weight * size * (length * self.inverse_length) / square
     }
 
     /// Stiffness of the orientation term: κ / |d0|⁴, where κ is the mean of both ends. One factor |d0|² comes from the

@@ -36,6 +36,7 @@ impl Memory {
                 next = run.end;
             }
         }
+        self.follow_features(grid)?;
         self.context.check()?;
         self.grid = Arc::downgrade(grid);
         Ok(())

@@ -85,9 +85,6 @@ kernels! {
         [P, W(CHARTS), R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)] 24;
     PyramidRestrict "pyramid_restrict" ["sampling/metrics", "pyramid_restrict"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)] 76;
-    Protect "protect" ["sampling/metrics", "protect"] [P, W(CHARTS), R(BLOCKS), R(LISTS), W(SURFACE), W(EXTRA)] 72;
-    ProtectFinest "protect_finest" ["protect_finest"]
-        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(EXTRA), R(EXTRA + 1), R(EXTRA + 2)] 12;
     IdentityChords "identity" ["sampling/triangle", "sampling/chords", "sampling/resample"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)] 20;
     IdentityMetrics "identity" ["sampling/metrics", "sampling/resample"]
@@ -98,6 +95,13 @@ kernels! {
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)] 22;
     ProlongMetrics "prolong" ["sampling/metrics", "sampling/resample", "prolong"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), R(EXTRA), R(EXTRA + 1)] 14;
+    SquaresChords "sum_squares" ["sampling/triangle", "sampling/chords", "patch", "harm/features", "harm/squares"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), W(EXTRA + 1)] 26;
+    SquaresMetrics "sum_squares" ["sampling/metrics", "patch", "harm/features", "harm/squares"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), W(EXTRA + 1)] 34;
+    Multiply "multiply" ["harm/features", "harm/multiply"] [P, R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)] 0;
+    Weigh "weigh" ["harm/features", "harm/weigh"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(EXTRA), W(EXTRA + 1), R(EXTRA + 2)] 10;
     StepChords "step" ["sampling/triangle", "sampling/chords", "sampling/resample", "correct/step_vector",
         "correct/step"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)] 64;
@@ -188,7 +192,7 @@ impl Kernel {
             Kernel::IdentityChords | Kernel::Previous | Kernel::ProlongChords | Kernel::StepChords => {
                 WALK + 4
             }
-            Kernel::EnergyChords | Kernel::AssembleChords | Kernel::Pull => 8 + POSE,
+            Kernel::EnergyChords | Kernel::SquaresChords | Kernel::AssembleChords | Kernel::Pull => 8 + POSE,
             Kernel::RelaxChords | Kernel::RelaxChordsWide | Kernel::ProjectChords => WALK + POSE,
             Kernel::RegulariseChords => WALK,
             _ => 0,

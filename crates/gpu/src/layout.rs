@@ -20,12 +20,14 @@ pub mod shared {
         NODES: usize = planes::NODES;
         /// Nodes of a window: a block and its halo.
         WINDOW: usize = window::WINDOW_NODES;
+        /// Fewest edges of a feature on a level that changes its multiplier.
+        LEAST_EDGES: u32 = vrtm_core::grid::features::LEAST_EDGES;
         /// Most workgroups of a dispatch in x; further ones form rows in y.
         SPREAD: u32 = 65535;
         /// The energy of an invalid state: more than any other energy.
         INVALID_ENERGY: f32 = 3e38;
 
-        /// Plane of the rigidity's code (16 bits), of what it has lost in this pose (15 bits) and of the sign bit of
+        /// Plane of the rigidity's code (16 bits), of its multiplier in this pose (15 bits) and of the sign bit of
         /// fixed nodes.
         RIGIDITY: usize = 0;
         /// First of the two planes of rest lengths: the codes of the owned edges 0 and 1, then of 2 and 3, the first of
@@ -208,7 +210,7 @@ structs! {
         /// Side of this level's cells in cells of level 0.
         scale: f32,
         /// `step`: the fraction t of the trial; `shrink`: the fraction of a margin that the round leaves, negative
-        /// in the last rounds; `protect`: what rigidity loses at most, in multiples of 1 / LOST_STEPS.
+        /// in the last rounds; `multiply`: H on the level.
         factor: f32,
         tolerance: f32,
         /// 1 if a first correction that gained what its model predicted ends the level's corrections.
@@ -241,8 +243,10 @@ structs! {
         state_planes: u32,
         /// Planes per block of the constants of all levels' nodes.
         node_planes: u32,
-        /// The unit of what rigidity has lost: 1 / LOST_STEPS; 0 if nothing is protected, whatever stands in `nodes`.
-        lost: f32,
+        /// The unit of multipliers, 1 / MULTIPLIER_STEPS; 0 if the level is not weighed, whatever stands in `nodes`.
+        multiplier: f32,
+        /// `multiply`: the part of the multipliers that remains.
+        kept: f32,
     }
 
     /// A chart, and the decisions about it during a solve.

@@ -10,12 +10,13 @@ use super::kernels::{Binding, Kernel, slot};
 use super::layout::{PLANE, Params, ROW_PLANES};
 use super::lists::{Lists, level_lists};
 use super::recorder::{Bound, RecorderResources};
-use super::records::{block_nodes, block_records, corners, triangles};
+use super::records::{block_nodes, block_records, corners, features, triangles};
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
-use super::sizes::BufferSizes;
+use super::sizes::{BufferSizes, feature_bytes};
 use super::upload::Uploader;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::Result;
+use vrtm_core::grid::features::{Features, Pieces};
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
@@ -38,6 +39,16 @@ pub struct LevelBuffers {
     pub gather: Option<[wgpu::Buffer; 2]>,
 }
 
+/// The painted features of a grid, and what a solve knows of them.
+#[derive(Debug)]
+pub struct FeatureBuffers {
+    /// Tells whether those of a grid are uploaded.
+    of: Weak<Features>,
+    /// Per level, the features and the sums of their pieces.
+    pub levels: Vec<[wgpu::Buffer; 2]>,
+    pub multipliers: wgpu::Buffer,
+}
+
 /// The memory of a solver, kept between solves.
 #[derive(Debug)]
 pub struct Memory {
@@ -56,6 +67,7 @@ pub struct Memory {
     /// Lists per level, for the charts in `listed_charts`.
     pub lists: Vec<Lists>,
     listed_charts: Option<Vec<bool>>,
+    pub features: FeatureBuffers,
     pub triangles: wgpu::Buffer,
     pub corners: wgpu::Buffer,
     pub positions: wgpu::Buffer,
@@ -118,6 +130,23 @@ fn parts(grid: &Grid, tiles: &[&TileMesh]) -> Vec<Range<usize>> {
     tiles.iter().map(part).collect()
 }
 
+impl FeatureBuffers {
+    fn new(uploader: &Uploader, grid: &Grid) -> Result<FeatureBuffers> {
+        let of_level = |pieces: &Pieces| {
+            let [size, squares] = feature_bytes(pieces);
+            let features = features(pieces);
+            let features = uploader.upload("features", size, bytemuck::cast_slice(&features))?;
+            Ok([features, uploader.storage("squares", squares)?])
+        };
+        let bytes = (grid.features.count * size_of::<f32>()) as u64;
+        Ok(FeatureBuffers {
+            of: Arc::downgrade(&grid.features),
+            levels: grid.features.levels.iter().map(of_level).collect::<Result<_>>()?,
+            multipliers: uploader.storage("multipliers", bytes)?,
+        })
+    }
+}
+
 impl Memory {
     /// Allocates the memory for the grid of some tiles, and uploads its constants. Several tiles are of one kind.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Memory> {
@@ -178,6 +207,7 @@ impl Memory {
             parts: parts(grid, tiles),
             triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
             corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,
+            features: FeatureBuffers::new(&uploader, grid)?,
             positions: storage("positions", sizes.positions)?,
             charts: storage("charts", sizes.charts)?,
             ranges: storage("ranges", sizes.ranges)?,
@@ -198,6 +228,16 @@ impl Memory {
         };
         context.check()?;
         Ok(memory)
+    }
+
+    /// Uploads the features of a grid with the same blocks, if they are others.
+    pub fn follow_features(&mut self, grid: &Grid) -> Result<()> {
+        if !std::ptr::eq(self.features.of.as_ptr(), &*grid.features) {
+            self.features = FeatureBuffers::new(&Uploader::new(&self.context), grid)?;
+            // They keep the old buffers alive.
+            self.bind_groups.clear();
+        }
+        Ok(())
     }
 
     /// See `Gpu::solver_bytes`.
@@ -346,6 +386,7 @@ impl Memory {
             let always = [&level.blocks, &level.lists, &level.nodes].into_iter().chain(solver);
             always.chain(&level.state).chain(&level.metric).chain(level.gather.iter().flatten())
         });
+        let features = self.features.levels.iter().flatten().chain([&self.features.multipliers]);
         let results = self.results.iter().map(|result| &result.state);
         let single = [
             &self.triangles,
@@ -359,6 +400,6 @@ impl Memory {
             &self.gate_open,
             &self.recording.params,
         ];
-        levels.chain(results).chain(single).cloned().collect()
+        levels.chain(features).chain(results).chain(single).cloned().collect()
     }
 }

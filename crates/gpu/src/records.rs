@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::layout::{BlockRecord, Triangle, node_planes};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::blocks::{Block, Blocks};
+use vrtm_core::grid::features::Pieces;
 use vrtm_core::grid::planes::NODES;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::{NONE, TileMesh};
@@ -82,6 +83,25 @@ pub fn block_nodes(grid: &Grid, level: &Level, k: usize, blocks: Range<usize>) -
         all.extend(level.hold.get(b).into_iter().flatten().copied());
     }
     all
+}
+
+/// The features of a level, in the layout of `shaders/harm/features.wgsl`.
+pub fn features(pieces: &Pieces) -> Vec<u32> {
+    let counts = [pieces.tags.len(), pieces.feature.len(), pieces.edges.len()];
+    let mut words = Vec::with_capacity(feature_words(pieces));
+    words.extend(counts.map(|count| count as u32));
+    let pairs = pieces.tags.as_flattened().chunks_exact(2);
+    words.extend(pairs.map(|pair| u32::from(pair[0]) | u32::from(pair[1]) << 16));
+    let lists = [&pieces.first, &pieces.feature, &pieces.first_of_feature, &pieces.of_feature, &pieces.edges];
+    lists.iter().for_each(|list| words.extend_from_slice(list));
+    words
+}
+
+/// The length of `features`.
+pub fn feature_words(pieces: &Pieces) -> usize {
+    let lists =
+        pieces.first.len() + 2 * pieces.feature.len() + pieces.first_of_feature.len() + pieces.edges.len();
+    3 + pieces.tags.len() * NODES / 2 + lists
 }
 
 /// The triangles, with poses of 0.

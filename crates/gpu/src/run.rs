@@ -14,7 +14,8 @@ use vrtm_core::clock::Instant;
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::Grid;
-use vrtm_core::method::law::{HOLD, LOST_STEPS};
+use vrtm_core::grid::features::LEVELS;
+use vrtm_core::method::law::{HOLD, MULTIPLIER_STEPS};
 use vrtm_core::method::plan::{ChartResult, Input, Purpose, Summary};
 use vrtm_core::unwind::caught;
 
@@ -30,8 +31,11 @@ pub struct Run<'a> {
     pub(super) smoothness: Vec<f32>,
     /// The weights from the settings; the parameters of every dispatch are derived from these.
     pub(super) params: Params,
-    /// Largest weight reduction of rigidity in this pose, in multiples of 1 / `LOST_STEPS`.
-    pub(super) most_lost: f32,
+    /// H of method §4, Harm, and whether the solve has weighed a level.
+    pub(super) harm: f32,
+    pub(super) weighed: [bool; LEVELS],
+    /// True if the multipliers are those that the solve starts from, or its own.
+    pub(super) has_multipliers: bool,
     /// Weight of the pull towards the last result, on level 0.
     pub(super) pull: f32,
     pub(super) last_result: Option<Arc<ResultBuffers>>,
@@ -110,21 +114,24 @@ impl<'a> Run<'a> {
             })
             .collect();
         context.queue.write_buffer(&memory.charts, 0, bytemuck::cast_slice(&records));
-        let scale = input.least_weight();
+        let has_multipliers = input.multipliers.len() == grid.features.count && grid.features.count > 0;
+        if has_multipliers {
+            let start = bytemuck::cast_slice(input.multipliers);
+            context.queue.write_buffer(&memory.features.multipliers, 0, start);
+        }
         let params = Params {
-            smoothness_floor: scale * settings.smoothness_floor,
-            orientation: scale * settings.orientation,
+            smoothness_floor: settings.smoothness_floor,
+            orientation: settings.orientation,
             // A grid without densities is treated as having a density of 0.
             orientation_density: match grid.levels[0].density.is_empty() {
                 true => 0.0,
-                false => scale * settings.orientation_density,
+                false => settings.orientation_density,
             },
             hold: if grid.levels[0].hold.is_empty() { 0.0 } else { HOLD },
             node_planes: node_planes(grid) as u32,
-            room: scale * settings.room,
+            room: settings.room,
             room_threshold: settings.room_threshold,
             items: charts.len() as u32,
-            lost: if scale < 1.0 { 1.0 / LOST_STEPS } else { 0.0 },
             ..Params::default()
         };
         let result = memory.free_result()?;
@@ -135,10 +142,12 @@ impl<'a> Run<'a> {
             memory,
             recorder,
             charts,
-            smoothness: (0..grid.levels.len()).map(|level| scale * input.smoothness(level)).collect(),
+            smoothness: (0..grid.levels.len()).map(|level| input.smoothness(level)).collect(),
             params,
-            most_lost: (1.0 - scale) * LOST_STEPS,
-            pull: scale * input.pull,
+            harm: input.harm,
+            weighed: [false; LEVELS],
+            has_multipliers,
+            pull: input.pull,
             last_result,
             result,
             node_updates: 0,
@@ -205,7 +214,10 @@ impl<'a> Run<'a> {
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
         let gate_open = self.memory.gate_open.clone();
         let gates = u64::from(self.gates.min(MAX_GATES)) * 4;
-        let readback = self.recorder.read(&[(&charts, 0..size), (&gate_open, 0..gates)], true)?;
+        let multipliers = self.memory.features.multipliers.clone();
+        let count = if self.has_multipliers { self.grid.features.count } else { 0 };
+        let read = [(&charts, 0..size), (&gate_open, 0..gates), (&multipliers, 0..count as u64 * 4)];
+        let readback = self.recorder.read(&read, true)?;
         let record_ms = milliseconds(self.recording);
         let waiting = Instant::now();
         if let Some(control) = &self.control {
@@ -214,7 +226,7 @@ impl<'a> Run<'a> {
         let parts = self.context.taken(&readback)?;
         let wait_ms = milliseconds(waiting);
         let gates: Vec<u32> = parts[1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
-        let times: Vec<u8> = parts[2..].iter().flatten().copied().collect();
+        let times: Vec<u8> = parts[3..].iter().flatten().copied().collect();
         let (statistics, recording) = self.recorder.close(&gates, &times);
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
@@ -228,6 +240,7 @@ impl<'a> Run<'a> {
         };
         Ok(TileSolution {
             charts: records.map(read).collect(),
+            multipliers: parts[2].chunks_exact(4).map(bytemuck::pod_read_unaligned).collect(),
             warp: Warp::Gpu(boxed(Displacements::new(self.context, self.grid.clone(), self.result))),
             summary: Summary { times: statistics.times(), ..summary },
             node_updates: self.node_updates,
@@ -237,7 +250,13 @@ impl<'a> Run<'a> {
     }
 
     pub(super) fn at_level(&self, level: usize) -> Params {
-        Params { scale: (1u32 << level) as f32, smoothness: self.smoothness[level], ..self.params }
+        let is_weighed = self.weighed.get(level).is_some_and(|weighed| *weighed);
+        Params {
+            scale: (1u32 << level) as f32,
+            smoothness: self.smoothness[level],
+            multiplier: if is_weighed { 1.0 / MULTIPLIER_STEPS } else { 0.0 },
+            ..self.params
+        }
     }
 
     /// The parameters of kernels that pull level 0 towards the previous result.

@@ -7,7 +7,9 @@ use super::layout::{
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::recorder::RecorderResources;
+use super::records::feature_words;
 use vrtm_core::allocation::Vec;
+use vrtm_core::grid::features::Pieces;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
 
@@ -46,10 +48,18 @@ pub struct BufferSizes {
     pub dispatch_sizes: u64,
     pub indirect_arguments: u64,
     pub gate_open: u64,
+    /// Per level, the features and the sums of their pieces; the multipliers.
+    pub features: Vec<[u64; 2]>,
+    pub multipliers: u64,
 }
 
 fn bytes_of<T>(count: usize) -> u64 {
     (count * size_of::<T>()) as u64
+}
+
+/// Bytes of a level's features, and of two sums for each of their pieces.
+pub fn feature_bytes(pieces: &Pieces) -> [u64; 2] {
+    [bytes_of::<u32>(feature_words(pieces)), bytes_of::<[f32; 2]>(pieces.feature.len())]
 }
 
 impl BufferSizes {
@@ -82,6 +92,8 @@ impl BufferSizes {
             dispatch_sizes: dispatch_size_bytes(grid.levels.len()),
             indirect_arguments: GATE_SETS as u64 * 4 * dispatch_size_bytes(grid.levels.len()),
             gate_open: bytes_of::<u32>(MAX_GATES as usize),
+            features: grid.features.levels.iter().map(feature_bytes).collect(),
+            multipliers: bytes_of::<f32>(grid.features.count),
         }
     }
 
@@ -107,8 +119,11 @@ impl BufferSizes {
             self.dispatch_sizes,
             self.indirect_arguments,
             self.gate_open,
+            self.multipliers,
         ];
-        levels + single.into_iter().map(padded).sum::<u64>() + RecorderResources::BYTES
+        levels
+            + single.into_iter().chain(self.features.iter().flatten().copied()).map(padded).sum::<u64>()
+            + RecorderResources::BYTES
     }
 }
 

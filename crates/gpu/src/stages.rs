@@ -8,7 +8,8 @@ use super::layout::{
 use super::recorder::DispatchSize;
 use super::run::Run;
 use vrtm_core::allocation::Vec;
-use vrtm_core::method::law::passes;
+use vrtm_core::grid::features::LEVELS;
+use vrtm_core::method::law::{WARM_MULTIPLIER, harm_on, passes};
 use vrtm_core::method::stage::{Stage, Stages, Start};
 
 #[cfg(test)]
@@ -19,16 +20,18 @@ impl Stages for Run<'_> {
         self.recorder.stage(stage.kind() as usize);
         match *stage {
             Stage::Surface => self.surface(),
-            Stage::Pyramid { coarsest } => {
-                let levels = self.grid.levels.len().min(coarsest + 1);
-                self.pyramid(levels);
-                self.protect(levels);
-            }
+            Stage::Pyramid { coarsest } => self.pyramid(self.grid.levels.len().min(coarsest + 1)),
             Stage::Start { level, from } => match from {
                 Start::Identity => self.identity(level),
-                Start::Previous => self.previous(),
+                Start::Previous => {
+                    self.previous();
+                    self.weigh(level, WARM_MULTIPLIER);
+                }
                 Start::Passing => self.interpolate(level),
-                Start::Coarser => self.prolong(level),
+                Start::Coarser => {
+                    self.prolong(level);
+                    self.weigh(level, 1.0);
+                }
                 Start::Smoothed(smoothing) => {
                     self.prolong(level);
                     self.regularise_level(level, smoothing);
@@ -84,21 +87,33 @@ impl Run<'_> {
         }
     }
 
-    /// Computes what rigid material loses of its weight in this pose, if anything is protected.
-    fn protect(&mut self, levels: usize) {
-        if self.params.lost == 0.0 {
+    /// Raises the multipliers of the features that are worse on a level than without a warp, and weighs the level with
+    /// them. `kept` is the part of the multipliers that remains.
+    fn weigh(&mut self, level: usize, kept: f32) {
+        let features = &self.grid.features;
+        if self.harm == 0.0 || level >= LEVELS || features.count == 0 {
             return;
         }
-        for level in (0..levels).rev() {
-            let nodes = self.memory.levels[level].nodes.clone();
-            let params = Params { factor: self.most_lost, ..self.at_level(level) };
-            if level > 0 {
-                self.dispatch_stored(Kernel::Protect, level, &[nodes], params);
-            } else if let Some(coarse) = self.memory.levels.get(1) {
-                let extra = [nodes, coarse.blocks.clone(), coarse.nodes.clone()];
-                self.dispatch_stored(Kernel::ProtectFinest, 0, &extra, params);
-            }
+        let Some(of_level) = &self.memory.features.levels.get(level) else { return };
+        let [of_level, squares] = [&of_level[0], &of_level[1]].map(wgpu::Buffer::clone);
+        let multipliers = self.memory.features.multipliers.clone();
+        let kernel = if level == 0 { Kernel::SquaresChords } else { Kernel::SquaresMetrics };
+        for is_state in 0..2 {
+            let params = Params { is_identity: 1 - is_state, mode: is_state, ..self.at_level(level) };
+            self.dispatch_stored(kernel, level, &[of_level.clone(), squares.clone()], params);
         }
+        let params = Params {
+            factor: harm_on(self.harm, level),
+            kept: if self.has_multipliers { kept } else { 0.0 },
+            ..self.at_level(level)
+        };
+        let extra = [of_level.clone(), squares, multipliers.clone()];
+        let size = DispatchSize::ungated(features.count as u32);
+        self.dispatch(Kernel::Multiply, 0, &extra, &params, size, 0);
+        let nodes = self.memory.levels[level].nodes.clone();
+        self.dispatch_stored(Kernel::Weigh, level, &[of_level, nodes, multipliers], params);
+        self.weighed[level] = true;
+        self.has_multipliers = true;
     }
 
     fn identity(&mut self, level: usize) {
@@ -136,6 +151,9 @@ impl Run<'_> {
     fn certify(&mut self, allow_folds: bool) {
         // Those of a coarser level are known if work has ended there.
         self.complete_energies(0, allow_folds);
+        if self.weighed[0] && !allow_folds {
+            self.energy_of_identity(0);
+        }
         let certificate = if allow_folds { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         self.dispatch_active(Kernel::FallBack, 0, &[], self.params);

@@ -45,8 +45,12 @@ impl Warped {
         let mut warped = Warped { nx, ny, u, ranges: Sparse::new(size, [0; 2]), cells: Vec::new() };
         // Cells beyond the last column and row consist of the tile's border only.
         let around = warped.u.around();
+        let three = |x: usize, last: usize| x.saturating_sub(1)..=(x + 1).min(last);
+        // One of the four cells around a node is moved.
+        let is_near_moved =
+            |i, j| three(j, ny).any(|y| three(i, nx).any(|x| *warped.u.get(x, y) != [0.0; 2]));
         let near = |k: usize| -> Vec<[u32; 2]> {
-            let nodes = warped.u.nodes_of(around[k]).filter(|&[i, j]| warped.is_near_moved(i, j));
+            let nodes = warped.u.nodes_of(around[k]).filter(|&[i, j]| is_near_moved(i, j));
             nodes.map(|node| node.map(|x| x as u32)).collect()
         };
         let near = team.map(around.len(), near);
@@ -68,12 +72,6 @@ impl Warped {
         Ok(Some(warped))
     }
 
-    /// True if one of the four cells around a node is moved.
-    fn is_near_moved(&self, i: usize, j: usize) -> bool {
-        let around = |x: usize, last: usize| x.saturating_sub(1)..=(x + 1).min(last);
-        around(j, self.ny).any(|y| around(i, self.nx).any(|x| *self.u.get(x, y) != [0.0; 2]))
-    }
-
     /// Calls `f(square, cell)` for the squares that the box around a warped cell meets.
     fn visit(&self, near: &[Vec<[u32; 2]>], mut f: impl FnMut([usize; 2], [u32; 2])) {
         for &cell in near.iter().flatten() {
@@ -88,17 +86,10 @@ impl Warped {
         }
     }
 
-    /// The displacement of a node.
-    fn moved(&self, i: usize, j: usize) -> DVec2 {
-        if i > self.nx || j > self.ny {
-            return DVec2::ZERO;
-        }
-        DVec2::from(self.u.get(i, j).map(f64::from))
-    }
-
-    /// A warped node.
+    /// A warped node; beyond the last column and row nothing moves.
     fn node(&self, i: usize, j: usize) -> Node {
-        let u = self.moved(i, j);
+        let is_inside = i <= self.nx && j <= self.ny;
+        let u = if is_inside { DVec2::from(self.u.get(i, j).map(f64::from)) } else { DVec2::ZERO };
         Node { at: DVec2::new(i as f64, j as f64) + u, u }
     }
 
@@ -107,7 +98,7 @@ impl Warped {
     pub fn error(&self, corners: [DVec2; 3], redirected: [DVec2; 3]) -> f64 {
         let low = corners.into_iter().fold(corners[0], DVec2::min);
         let high = corners.into_iter().fold(corners[0], DVec2::max);
-        let triangle = Interpolated::new(corners, redirected);
+        let triangle = Interpolated { corners, added: redirected, doubled_area: doubled_area(corners) };
         let cells = DVec2::new(self.nx as f64, self.ny as f64);
         let mut worst = 0.0f64;
         let mut meet = |error: DVec2| worst = worst.max((error / cells).length_squared());
@@ -163,10 +154,6 @@ struct Interpolated {
 }
 
 impl Interpolated {
-    fn new(corners: [DVec2; 3], added: [DVec2; 3]) -> Interpolated {
-        Interpolated { corners, added, doubled_area: doubled_area(corners) }
-    }
-
     /// The error where side `k` crosses a warped edge of the grid.
     fn crossing(&self, k: usize, first: &Node, second: &Node) -> Option<DVec2> {
         let a = self.corners[k];

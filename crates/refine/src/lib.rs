@@ -21,7 +21,6 @@ use vrtm_core::mesh::Mesh;
 use vrtm_core::team::Team;
 
 use base::Base;
-use passes::Outcome;
 use split::{PieceCorner, Pieces, Splitter};
 
 pub use passes::Redirections;
@@ -64,10 +63,12 @@ impl RefinedMesh {
             None => Splitter::new(mesh, &self.base),
             Some(pieces) => Splitter::go_on(mesh, &self.base, (**pieces).clone()),
         };
-        let Outcome { error, reached } =
-            passes::refine(team, mesh, &self.base, &mut splitter, results, tolerance, most);
-        self.pieces = Some(Arc::new(splitter.pieces));
-        (error, reached)
+        let uvs = &mut Vec::new();
+        let outcome = passes::split(team, &mut splitter, results, tolerance, most, uvs);
+        let mut pieces = splitter.pieces;
+        pieces.whole = passes::whole(team, mesh, &self.base, &pieces, results, tolerance, uvs);
+        self.pieces = Some(Arc::new(pieces));
+        outcome
     }
 
     fn pieces(&self) -> &Pieces {

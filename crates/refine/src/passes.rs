@@ -81,42 +81,20 @@ impl<'a> Redirections<'a> {
     }
 }
 
-/// The outcome of a refinement.
-#[derive(Clone, Copy, Debug)]
-pub struct Outcome {
-    /// The largest error left, in UV.
-    pub error: f64,
-    pub reached: bool,
-}
-
 /// An error that is not known yet.
 const UNKNOWN: f64 = f64::NAN;
 
 /// Splits pieces until no error is above the tolerance, or there would be more than `most` pieces. The largest errors
-/// come first, so that the limit affects only the smallest.
-pub fn refine(
-    team: &Team,
-    mesh: &Mesh,
-    base: &Base,
-    splitter: &mut Splitter,
-    results: &Redirections,
-    tolerance: f64,
-    most: usize,
-) -> Outcome {
-    let uvs = &mut Vec::new();
-    let outcome = split(team, splitter, results, tolerance, most, uvs);
-    splitter.pieces.whole = whole(team, mesh, base, &splitter.pieces, results, tolerance, uvs);
-    outcome
-}
-
-fn split(
+/// come first, so that the limit affects only the smallest. Returns the largest error left, in UV, and whether it is
+/// within the tolerance; `uvs` receives the redirected UVs.
+pub fn split(
     team: &Team,
     splitter: &mut Splitter,
     results: &Redirections,
     tolerance: f64,
     most: usize,
     uvs: &mut Vec<[f64; 2]>,
-) -> Outcome {
+) -> (f64, bool) {
     let mut errors = vec![UNKNOWN; splitter.pieces.list.len()];
     loop {
         measure(team, splitter, results, uvs, &mut errors);
@@ -126,9 +104,8 @@ fn split(
             (0..errors.len()).filter(|&k| all || !helpless(k)).fold(0.0, |m: f64, k| m.max(errors[k].abs()))
         };
         let worst = largest(false);
-        let outcome = |reached: bool| Outcome { error: largest(true), reached };
         if worst <= tolerance {
-            return outcome(largest(true) <= tolerance);
+            return (largest(true), largest(true) <= tolerance);
         }
         let threshold = tolerance.max(0.5 * worst);
         let mut wanted: Vec<u32> = (0..errors.len() as u32)
@@ -151,7 +128,7 @@ fn split(
             }
             (marks, count) = marked(&wanted[..fits]);
             if fits == 0 || count > most {
-                return outcome(false);
+                return (largest(true), false);
             }
         }
         debug_assert!(count > errors.len());
@@ -159,7 +136,7 @@ fn split(
         if last {
             measure(team, splitter, results, uvs, &mut errors);
             let error = errors.iter().fold(0.0, |m: f64, e| m.max(e.abs()));
-            return Outcome { error, reached: error <= tolerance };
+            return (error, error <= tolerance);
         }
     }
 }
@@ -192,7 +169,7 @@ fn measure(
 
 /// The faces that stay polygons: none of their triangles is split, and no other triangulation of them has an error
 /// above the tolerance.
-fn whole(
+pub fn whole(
     team: &Team,
     mesh: &Mesh,
     base: &Base,

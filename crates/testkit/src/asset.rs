@@ -159,7 +159,8 @@ impl Lab for Asset {
             pose: &pose,
             settings: &inside.maps.settings,
             // The stages below do not compute it.
-            protect: 0.0,
+            harm: 0.0,
+            multipliers: &[],
             charts: &charts,
             continuation: 1.0,
             pull: 0.0,

@@ -100,9 +100,18 @@ pub fn compare_backends(
     let settings = &maps.settings;
     let plan = Plan::new(options);
     let continuation = plan.continuation;
-    let (protect, pull) = (plan.protect(settings), 0.0);
-    let input =
-        Input { grid: &grid, mesh, pose: &pose, settings, protect, charts: &charts, continuation, pull };
+    let (harm, pull) = (plan.harm(settings), 0.0);
+    let input = Input {
+        grid: &grid,
+        mesh,
+        pose: &pose,
+        settings,
+        harm,
+        multipliers: &[],
+        charts: &charts,
+        continuation,
+        pull,
+    };
     asset.device().team(|team| {
         let mut of_cpu = cpu::Memory::new(&grid, Purpose::new(plan.solver(), settings));
         let mut of_gpu = vrtm_gpu::Memory::new(&context, &grid, &[mesh])?;

@@ -52,11 +52,11 @@ struct Knob {
 
 const KNOBS: [Knob; 4] = [
     Knob {
-        name: "Protect",
-        setting: "protect",
-        range: [0.0, 1.0],
-        about: "Features that the pose does not strain stay round, before those that it strains. At 0.5 hardly any looks \
-                worse than without vrtm, and the strained ones keep a little more strain; 1 is for stills.",
+        name: "No Harm",
+        setting: "harm",
+        range: [0.0, 16.0],
+        about: "How much stiffer a feature gets where it would look worse than without vrtm. At 0 all give way alike, and \
+                in a crowd some look worse.",
     },
     Knob {
         name: "Calm",

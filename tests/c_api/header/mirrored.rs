@@ -212,8 +212,8 @@ pub fn initialiser(of: &Struct, path: &str) -> Vec<String> {
         if let Some(Ok(default)) = default
             && default != 0.0
         {
-            let suffix = if field.kind == "f32" { "f" } else { "" };
-            lines.push(format!("    value.{path}{} = {}{suffix};", field.name, number(default)));
+            let text = if field.kind == "f32" { format!("{default:?}f") } else { number(default) };
+            lines.push(format!("    value.{path}{} = {text};", field.name));
         }
     }
     lines

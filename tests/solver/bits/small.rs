@@ -8,6 +8,7 @@ use vrtm::{
 use super::hash::Hash;
 use super::outputs::{kinds, result};
 use crate::{cuts, gaps, hard_cases, noise, open_borders, random, seams, welds};
+use vrtm_testkit::features::dense::dense;
 use vrtm_testkit::scenes::{analytic, arm, by_name, creature, mug_to_jug};
 use vrtm_testkit::{Model, assets, options, view};
 
@@ -70,13 +71,12 @@ fn settings(list: &mut Vec<Small>) {
         ("orientation", TileSettings { orientation: 0.3, ..default }, true),
         ("no room", TileSettings { room: 0.0, ..default }, false),
         ("room", TileSettings { room: 3.0, room_threshold: 0.7, ..default }, true),
-        ("half protected", TileSettings { protect: 0.5, ..default }, false),
-        ("protected", TileSettings { protect: 1.0, ..default }, true),
+        ("harm 0", TileSettings { harm: 0.0, ..default }, true),
     ] {
         list.push(Small { settings, on_gpu, ..Small::new(&crowded, what) });
     }
-    let protected = TileSettings { protect: 1.0, ..default };
-    list.push(Small { settings: protected, ..Small::new(&creature().into(), "protected") });
+    let crowded = dense(&named("bulge", analytic::bulge()));
+    list.push(Small { grid: [256; 2], on_gpu: true, ..Small::new(&crowded, "harm") });
     for grid in [[16, 16], [16, 128], [96, 32], [300, 48]] {
         let [width, height] = grid;
         let what = format!("{width} by {height} cells");
@@ -127,9 +127,9 @@ fn borders(list: &mut Vec<Small>) {
     list.push(Small { settings, ..Small::new(&model, "seams Keep, open borders Slide") });
     let settings = TileSettings { seams: Continue, seam_reach: 0.15, ..default };
     list.push(Small { settings, ..Small::new(&model, "a far reach") });
-    let settings = TileSettings { seams: Continue, open_borders: Slide, protect: 0.7, ..default };
+    let settings = TileSettings { seams: Continue, open_borders: Slide, ..default };
     let options = SolveOptions { warm: true, temporal_weight: 0.1, ..SolveOptions::default() };
-    let all = Small::new(&model, "all goes on, protected and held");
+    let all = Small::new(&model, "all goes on, held");
     list.push(Small { settings, options, frames: vec![3, 4], ..all });
     for (what, place) in seams::places() {
         let settings = TileSettings { seams: Continue, ..default };

@@ -177,9 +177,9 @@ fn settings() -> impl Strategy<Value = TileSettings> {
     let seams = prop_oneof![3 => Just(Seams::Shut), 2 => Just(Seams::Continue), 1 => Just(Seams::Keep)];
     let open_borders = prop_oneof![3 => Just(OpenBorders::Fixed), 2 => Just(OpenBorders::Slide)];
     let reach = prop_oneof![2 => Just(default.seam_reach), 2 => magnitude(-3.0, -0.31)];
-    let protect = prop_oneof![4 => Just(0.0f32), 1 => 0.0..=1.0f32];
-    let all = ([cells(), cells()], weights, density, overlap, seams, open_borders, reach, protect);
-    all.prop_map(|(grid, w, density, overlap, seams, open_borders, seam_reach, protect)| TileSettings {
+    let harm = prop_oneof![4 => Just(default.harm), 1 => 0.0..=16.0f32];
+    let all = ([cells(), cells()], weights, density, overlap, seams, open_borders, reach, harm);
+    all.prop_map(|(grid, w, density, overlap, seams, open_borders, seam_reach, harm)| TileSettings {
         grid: grid.map(|n| (n > 0).then_some(n)),
         smoothness: w[0],
         smoothness_floor: w[1],
@@ -192,7 +192,7 @@ fn settings() -> impl Strategy<Value = TileSettings> {
         seams: if density > 0.0 { Seams::Shut } else { seams },
         open_borders: if density > 0.0 { OpenBorders::Fixed } else { open_borders },
         seam_reach,
-        protect,
+        harm,
     })
 }
 

@@ -52,19 +52,13 @@ pub struct Copies {
     copies: Vec<NodeCopy>,
 }
 
-/// The surface that charts have in common, and how deep each is there.
-#[derive(Clone, Copy)]
-pub struct Blends<'a> {
-    pub places: &'a Places,
-    pub depths: &'a Depths<'a>,
-}
-
 /// Parts under this are left out.
 const SMALLEST: f32 = 1e-3;
 
 impl Copies {
-    /// The copies of the nodes of the mesh's tile `index`.
-    pub fn new(team: &Team, surface: &Blends, grid: &Grid, index: usize) -> Copies {
+    /// The copies of the nodes of the mesh's tile `index`, given the surface that charts have in common, and how deep
+    /// each is there.
+    pub fn new(team: &Team, places: &Places, depths: &Depths, grid: &Grid, index: usize) -> Copies {
         let level = &grid.levels[0];
         let active: Vec<u32> =
             (0..level.blocks.list.len() as u32).filter(|&b| level.blocks.list[b as usize].active).collect();
@@ -78,7 +72,7 @@ impl Copies {
                     let (i, j) = node_at(s);
                     let (x, y) = (block.x as usize * SIDE + i, block.y as usize * SIDE + j);
                     let uv = DVec2::new(x as f64, y as f64) / cells(level);
-                    of_block.add(surface, index as u32, triangle, s, uv);
+                    of_block.add((places, depths), index as u32, triangle, s, uv);
                 }
             }
             of_block
@@ -133,8 +127,7 @@ struct OfBlock {
 
 impl OfBlock {
     /// Adds a node at a UV on a triangle, if the blend changes it.
-    fn add(&mut self, surface: &Blends, index: u32, triangle: u32, s: usize, uv: DVec2) {
-        let Blends { places, depths } = *surface;
+    fn add(&mut self, (places, depths): (&Places, &Depths), index: u32, triangle: u32, s: usize, uv: DVec2) {
         let tile = &*places.tiles[index as usize];
         let place = on_surface(tile, index, triangle, uv);
         let all = sheets(places, place);

@@ -12,6 +12,7 @@ use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, Plane};
 use vrtm_core::mesh::NONE;
 use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::sets::root;
 use vrtm_core::team::Team;
 
 /// The greatest change of a depth beside features, relative to that along a collar: from 1 to 0 over the reach.
@@ -43,14 +44,6 @@ pub struct Depths<'a> {
     first_chart: Vec<u32>,
     nodes: Vec<Node>,
     /// The index of each node's first entry, followed by the number of entries. A node's own chart comes first.
-    starts: Vec<u32>,
-    entries: Vec<Depth>,
-}
-
-/// The nodes of a block that get depths.
-#[derive(Default)]
-struct OfBlock {
-    nodes: Vec<Node>,
     starts: Vec<u32>,
     entries: Vec<Depth>,
 }
@@ -115,32 +108,32 @@ impl<'a> Depths<'a> {
         let Some(grid) = self.tiles[index as usize].grid else { return };
         let (tile, level) = (&*places.tiles[index as usize], &grid.levels[0]);
         let found = team.map(kinds.len(), |b| {
-            let mut of_block = OfBlock::default();
+            let (mut nodes, mut starts, mut entries) = (Vec::new(), Vec::new(), Vec::new());
             for s in (0..NODES).filter(|&s| kinds[b][s].is_near) {
                 let triangle = grid.triangle[b][s];
                 let place = Place { tile: index, triangle, uv: uv_of(grid, b, s), image: false };
                 let own = 4 * (self.first_chart[index as usize] + tile.chart_of_triangle(triangle));
-                of_block.starts.push(of_block.entries.len() as u32);
-                of_block.entries.push(Depth { key: own, depth: 1.0 });
+                starts.push(entries.len() as u32);
+                entries.push(Depth { key: own, depth: 1.0 });
                 for on in sheets(places, place).into_iter().filter(|on| on.is_collar) {
                     let depth = match on.image {
                         true => beside_mirror(places, &on, cells(level)),
                         false => depth_of(places, &on),
                     };
-                    of_block.entries.push(Depth { key: self.key(&on, own), depth });
+                    entries.push(Depth { key: self.key(&on, own), depth });
                 }
                 let rigid = kinds[b][s].rigid;
-                of_block.nodes.push(Node { tile: index, block: b as u32, slot: s as u16, rigid });
+                nodes.push(Node { tile: index, block: b as u32, slot: s as u16, rigid });
             }
-            of_block
+            (nodes, starts, entries)
         });
-        for (b, OfBlock { nodes, starts, entries }) in found.into_iter().enumerate() {
+        for (b, (nodes, starts, entries)) in found.into_iter().enumerate() {
             for node in &nodes {
                 self.tiles[index as usize].number[b][node.slot as usize] = self.nodes.len() as u32;
                 self.nodes.push(*node);
             }
             let first = self.entries.len() as u32;
-            self.starts.extend(starts.iter().map(|start| first + start));
+            self.starts.extend(starts.into_iter().map(|start: u32| first + start));
             self.entries.extend_from_slice(&entries);
         }
     }
@@ -374,9 +367,7 @@ impl<'a> Depths<'a> {
         }
         weights
     }
-}
 
-impl Depths<'_> {
     /// Gives charts that cannot move their whole weight, and the others what is left of 1: at their seams nothing
     /// moves.
     fn hold(&self, sheets: &[OnChart], weights: &mut [f32]) {
@@ -397,14 +388,6 @@ impl Depths<'_> {
             *weight *= if stays(on) { held / still } else { (1.0 - held) / moving.max(f32::MIN_POSITIVE) };
         }
     }
-}
-
-fn root(parents: &mut [u32], mut a: u32) -> u32 {
-    while parents[a as usize] != a {
-        parents[a as usize] = parents[parents[a as usize] as usize];
-        a = parents[a as usize];
-    }
-    a
 }
 
 /// From 0 to 1, level at both ends.

@@ -76,8 +76,17 @@ pub(super) fn add(
     let mut open: Vec<u32> = active.clone();
     let (mut with_change, mut beside): (Vec<u32>, Vec<u32>) = (Vec::from(blocks), active.clone());
     for round in 0..=ROUNDS {
-        let taken = |k: usize| taken(before, changes, &index, &fractions, with_change[k] as usize);
-        let now = team.map(with_change.len(), taken);
+        // Their displacements before, plus fractions of the changes.
+        let now = team.map(with_change.len(), |k| {
+            let b = with_change[k] as usize;
+            let mut u = before[b];
+            if let Some(change) = changes.get(index[b] as usize) {
+                for (c, s) in (0..2 * NODES).map(|n| (n / NODES, n % NODES)) {
+                    u[c][s] += fractions[b][s] * change[c][s];
+                }
+            }
+            u
+        });
         with_change.iter().zip(now).for_each(|(&b, now)| u[b as usize] = now);
         let factors = team.map(beside.len(), |k| factors(level, before, &u, beside[k] as usize));
         beside.iter().zip(&factors).for_each(|(&b, of)| certified[b as usize] = of.0);
@@ -127,25 +136,6 @@ pub(super) fn add(
     }
     let limited = is_limited.iter().filter(|limited| **limited).count() as u32;
     Limited { u, certificates, charts: limited }
-}
-
-/// A block's displacements before, plus fractions of the changes.
-fn taken(
-    before: &[[Plane; 2]],
-    changes: &[[Plane; 2]],
-    index: &[u32],
-    fractions: &[Plane],
-    b: usize,
-) -> [Plane; 2] {
-    let mut u = before[b];
-    if let Some(change) = changes.get(index[b] as usize) {
-        for c in 0..2 {
-            for s in 0..NODES {
-                u[c][s] += fractions[b][s] * change[c][s];
-            }
-        }
-    }
-    u
 }
 
 /// Certificate of a block; and factors of its nodes' fractions, 0 to 1, if a cell at them is crushed.

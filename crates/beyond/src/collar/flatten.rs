@@ -17,6 +17,7 @@ use super::surface::{Side, Surface};
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::mesh::{FacePoint, Mirror, NONE, Source};
+use vrtm_core::sets::root;
 
 /// The collar of a chart has this many bands of equal width, each laid out after the ones nearer to the border: what is
 /// far away must not bend what is near.
@@ -323,7 +324,7 @@ impl Corners {
                     if triangle.turns[k] {
                         there.swap(0, 1);
                     }
-                    let fits = |end: usize| {
+                    let mut fits = |end: usize| {
                         let nodes = [3 * p as u32 + here[end] as u32, 3 * q + there[end] as u32];
                         piece.expected(here[end]).distance(pieces[q as usize].expected(there[end])) <= apart
                             && sets.may_join(nodes)
@@ -363,39 +364,30 @@ struct Sets {
 }
 
 impl Sets {
-    fn root(&self, mut a: u32) -> u32 {
-        while self.parents[a as usize] != a {
-            a = self.parents[a as usize];
-        }
-        a
-    }
-
     fn fix(&mut self, a: u32, place: DVec2) {
-        let root = self.root(a);
+        let root = root(&mut self.parents, a);
         self.fixed[root as usize].get_or_insert(place);
     }
 
-    fn may_join(&self, nodes: [u32; 2]) -> bool {
-        let [a, b] = nodes.map(|n| self.fixed[self.root(n) as usize]);
+    fn may_join(&mut self, nodes: [u32; 2]) -> bool {
+        let [a, b] = nodes.map(|n| self.fixed[root(&mut self.parents, n) as usize]);
         a.zip(b).is_none_or(|(a, b)| a == b)
     }
 
     fn join(&mut self, nodes: [u32; 2]) {
-        let [a, b] = nodes.map(|n| self.root(n));
+        let [a, b] = nodes.map(|n| root(&mut self.parents, n));
         let (root, other) = (a.min(b), a.max(b));
         self.parents[other as usize] = root;
         if let Some(place) = self.fixed[other as usize] {
             self.fixed[root as usize].get_or_insert(place);
         }
-        // Paths stay short.
-        nodes.into_iter().for_each(|n| self.parents[n as usize] = root);
     }
 
-    fn numbered(self, pieces: usize) -> Corners {
+    fn numbered(mut self, pieces: usize) -> Corners {
         let mut numbers = vec![NONE; self.parents.len()];
         let mut fixed = Vec::new();
         let mut number = |n: u32| {
-            let root = self.root(n) as usize;
+            let root = root(&mut self.parents, n) as usize;
             if numbers[root] == NONE {
                 numbers[root] = fixed.len() as u32;
                 fixed.push(self.fixed[root]);
@@ -456,7 +448,12 @@ fn place(
                 at.push(piece.expected(k) + 0.5 * (off[0] + off[1]));
             }
         }
-        elements.push(element(piece, of));
+        let flat = piece.flat;
+        let doubled = doubled_area(flat);
+        let root = (0.5 * doubled.abs()).sqrt();
+        let gradient = |k: usize| root / doubled * (flat[(k + 2) % 3] - flat[(k + 1) % 3]).perp();
+        let gradients = [0, 1, 2].map(gradient);
+        elements.push(Element { corners: of, gradients, wanted: root * piece.map });
     }
     if !free.is_empty() {
         solve(&elements, places, slots, &mut at);
@@ -465,14 +462,6 @@ fn place(
         places[c as usize] = Some(at);
         slots[c as usize] = NONE;
     }
-}
-
-fn element(piece: &Piece, corners: [u32; 3]) -> Element {
-    let flat = piece.flat;
-    let doubled = doubled_area(flat);
-    let root = (0.5 * doubled.abs()).sqrt();
-    let gradient = |k: usize| root / doubled * (flat[(k + 2) % 3] - flat[(k + 1) % 3]).perp();
-    Element { corners, gradients: [0, 1, 2].map(gradient), wanted: root * piece.map }
 }
 
 /// Moves the points `at` so that the maps of the elements come as near as possible to the wanted maps, each turned by

@@ -1,7 +1,6 @@
 //! The triangles of a UV set on the surface: which of them lie beyond the borders of charts.
 
 use std::f64::consts::PI;
-use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
@@ -75,8 +74,9 @@ pub struct Twin {
 
 impl<'a> Surface<'a> {
     pub fn new(mesh: &'a Mesh, tile: usize, beyond: &Beyond) -> Surface<'a> {
-        let range = tiles_of_set(mesh, tile);
-        let tiles = &mesh.tiles[range.clone()];
+        let set = mesh.tiles[tile].uv_set;
+        let first_tile = mesh.tiles.partition_point(|t| t.uv_set < set);
+        let tiles = &mesh.tiles[first_tile..mesh.tiles.partition_point(|t| t.uv_set <= set)];
         let (mut first, mut first_chart) = (Vec::with_capacity(tiles.len()), Vec::with_capacity(tiles.len()));
         let (mut triangles, mut charts) = (0, 0);
         let mut chart_of = Vec::new();
@@ -90,11 +90,11 @@ impl<'a> Surface<'a> {
         let mut surface = Surface {
             mesh,
             tiles,
-            first_tile: range.start as u32,
+            first_tile: first_tile as u32,
             first,
             chart_of,
             first_chart,
-            home: tile - range.start,
+            home: tile - first_tile,
             beyond: Table::default(),
             corners: Table::default(),
         };
@@ -404,10 +404,4 @@ impl<'a> Surface<'a> {
 
 pub(super) fn sides(g: u32) -> impl Iterator<Item = Side> {
     (0..3).map(move |k| (g, k))
-}
-
-/// The tiles of the UV set of a tile.
-fn tiles_of_set(mesh: &Mesh, tile: usize) -> Range<usize> {
-    let set = mesh.tiles[tile].uv_set;
-    mesh.tiles.partition_point(|t| t.uv_set < set)..mesh.tiles.partition_point(|t| t.uv_set <= set)
 }

@@ -8,6 +8,7 @@ use crate::collar::{Across, Collar};
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::sets::root;
 
 /// A run of a seam at which only one of two charts continues is shut if it is longer than this fraction of the reach,
 /// nearly two of a collar's bands.
@@ -112,23 +113,16 @@ pub(super) fn drop_runs(
         for end in ends.map(|end| end.to_array().map(f64::to_bits)) {
             let other = *at_end.get(&end).unwrap_or(&k);
             enter(&mut at_end, end, k);
-            let (a, b) = (root(&run, k), root(&run, other));
+            let (a, b) = (root(&mut run, k), root(&mut run, other));
             run[a as usize] = b;
         }
     }
     let mut whole: Vec<f64> = zeroed(contacts.len());
-    one_sided.iter().for_each(|&k| whole[root(&run, k) as usize] += lengths[k as usize]);
+    one_sided.iter().for_each(|&k| whole[root(&mut run, k) as usize] += lengths[k as usize]);
     let mut is_shut: Vec<bool> = zeroed(contacts.len());
     for k in one_sided {
-        is_shut[k as usize] = whole[root(&run, k) as usize] > SHORTEST * collar.reach;
+        is_shut[k as usize] = whole[root(&mut run, k) as usize] > SHORTEST * collar.reach;
     }
     let mut is_shut = is_shut.into_iter();
     contacts.retain(|_| is_shut.next() != Some(true));
-}
-
-fn root(parents: &[u32], mut a: u32) -> u32 {
-    while parents[a as usize] != a {
-        a = parents[a as usize];
-    }
-    a
 }

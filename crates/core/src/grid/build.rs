@@ -9,7 +9,7 @@ use super::node_set::NodeSet;
 use super::pose::Pose;
 use super::rigid_levels::{self, Nodes};
 use super::survey::{Survey, SurveyLevel};
-use super::{Grid, Level, cover, coverage, density, mirrors, rest};
+use super::{Grid, Level, cover, coverage, density, labels, mirrors, rest};
 use crate::allocation::{Vec, vec, zeroed};
 use crate::grid::maps::MapsOfTile;
 use crate::grid::maps::TileMaps;
@@ -44,9 +44,10 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
             Gather::new(team, &survey.coverer, &level.blocks.list, [level.nx, level.ny]);
         (gather, level.coverage) = (of_level, Arc::new(coverage));
     }
+    let features = Arc::new(labels::features(team, &levels, &survey.levels[0].movable, &triangle));
     let rest = Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None));
     let (triangle, gather) = (Arc::new(triangle), Arc::new(gather));
-    let mut grid = Grid { triangle, gather, rest, ..empty(survey, levels) };
+    let mut grid = Grid { triangle, gather, rest, features, ..empty(survey, levels) };
     rest::rest_lengths(team, &mut grid, mesh, tile);
     grid
 }

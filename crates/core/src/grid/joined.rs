@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use super::blocks::{Block, Blocks};
+use super::features::{Features, Pieces};
 use super::gather::Gather;
 use super::planes::Plane;
 use super::uv_triangle::UvTriangle;
@@ -90,8 +91,9 @@ impl Grid {
         };
         let levels = (0..blocks.len()).map(level).collect();
         let movable = all(grids.iter().map(|grid| &grid.movable[..]));
+        let features = Arc::new(joined_features(grids));
         if let Some(before) = before {
-            return Grid { levels, movable, ..before.clone() };
+            return Grid { levels, movable, features, ..before.clone() };
         }
         Grid {
             levels,
@@ -112,6 +114,7 @@ impl Grid {
             )),
             gather: Arc::new(Gather::joined(grids.iter().map(|grid| &*grid.gather), &triangles)),
             movable,
+            features,
             has_extra: grids[0].has_extra,
             // The coarsest level of all of them.
             survey: grids[0].survey.clone(),
@@ -131,4 +134,17 @@ fn joined_blocks(grids: &[Arc<Grid>], k: usize, charts: &[usize], firsts: &[usiz
             range.start + first..range.end + first
         }),
     }
+}
+
+/// The features of several grids as one.
+fn joined_features(grids: &[Arc<Grid>]) -> Features {
+    let mut joined = Features::default();
+    for features in grids.iter().map(|grid| &grid.features) {
+        joined.levels.resize(features.levels.len().max(joined.levels.len()), Pieces::default());
+        for (to, from) in joined.levels.iter_mut().zip(&features.levels) {
+            to.append(from, joined.count as u32);
+        }
+        joined.count += features.count;
+    }
+    joined
 }

@@ -30,6 +30,11 @@ impl NodeSet {
         NodeSet(std::array::from_fn(|j| self.0[j] & other.0[j]))
     }
 
+    /// The nodes that are in one of the sets.
+    pub fn or(self, other: NodeSet) -> NodeSet {
+        NodeSet(std::array::from_fn(|j| self.0[j] | other.0[j]))
+    }
+
     /// The nodes that are not in the other set.
     pub fn without(self, other: NodeSet) -> NodeSet {
         NodeSet(std::array::from_fn(|j| self.0[j] & !other.0[j]))

@@ -11,6 +11,7 @@ use crate::grid::uv_triangle::uv_triangles;
 use crate::image::map::Map;
 use crate::mesh::TileMesh;
 use crate::mesh::triangle::doubled_area;
+use crate::sets::root;
 use crate::team::Team;
 
 /// Sizes of grids, in cells on a side.
@@ -212,16 +213,6 @@ fn pieces(is_rigid: &[bool], side: usize) -> Vec<Piece> {
         }
     }
     found
-}
-
-/// The root of a label's tree, which is made flatter on the way.
-fn root(parents: &mut [u32], mut label: u32) -> u32 {
-    while parents[label as usize] != label {
-        let next = parents[parents[label as usize] as usize];
-        parents[label as usize] = next;
-        label = next;
-    }
-    label
 }
 
 /// Per place, the length of the shortest way to one that is not rigid. Those around the lattice are not.

@@ -1,7 +1,8 @@
 //! Updates a grid after its rigidity changed: in some texels, as by a brush stroke, or all of it. Only what depends on
 //! rigidity is computed again, and of that only what is near a change; everything else is shared with the grid before.
 
-use super::Grid;
+use std::sync::Arc;
+
 use super::blocks::Part;
 use super::cover::Coverer;
 use super::rigid_levels::{self, Nodes, OfBlock};
@@ -9,6 +10,7 @@ use super::rigid_nodes::{of_square, rigid_nodes};
 use super::rigidity::NodeRigidity;
 use super::square_nodes::{RigidSets, SquareNodes, SquaresOf};
 use super::survey::{SurveyLevel, movable_of_charts};
+use super::{Grid, labels};
 use crate::allocation::{Vec, vec, zeroed};
 use crate::grid::maps::{MapsOfTile, Values};
 use crate::grid::planes::SIDE;
@@ -94,6 +96,7 @@ pub fn repaint(
     }
     if let Some(changed) = changed {
         rigid_levels::coarser(team, &survey, &mut grid.levels, settings, changed);
+        grid.features = Arc::new(labels::features(team, &grid.levels, &survey[0].movable, &grid.triangle));
     }
     Some(Repainted { grid, charts })
 }

@@ -114,61 +114,20 @@ fn a_concave_polygon_is_cut_into_triangles_of_one_sign() {
 }
 
 #[test]
-fn bad_arrays_are_named_with_the_index() {
-    let (mut positions, mut indices, uvs) = strip(2, [0.1, 0.1], 0.1);
-    let message = |r: Result<Mesh>| r.unwrap_err().message;
-    assert!(message(build(&positions, Some(&[4, 3]), &indices, &uvs)).starts_with("face_counts"));
-    assert_eq!(build(&positions, Some(&[4, 2, 2]), &indices, &uvs).unwrap().info.faces_skipped, 2);
-    assert!(message(build(&positions, None, &indices, &uvs)).starts_with("indices: 8"));
-    indices[5] = 6;
-    let out_of_range = message(build(&positions, Some(&[4, 4]), &indices, &uvs));
-    assert!(out_of_range.starts_with("indices[5]: vertex 6"), "{out_of_range}");
-    indices[5] = 4;
-    positions[3][1] = f32::NAN;
-    let nan = message(build(&positions, Some(&[4, 4]), &indices, &uvs));
-    assert!(nan.starts_with("positions[3]: component 1"), "{nan}");
-    assert!(build(&[], None, &[], &[]).is_err());
-}
-
-/// A mesh of a strip, with changed inputs.
-fn with(n: u32, change: impl FnOnce(&mut MeshSource)) -> Result<Mesh> {
-    let (positions, indices, uvs) = strip(n, [0.1, 0.1], 0.8 / n as f32);
-    let counts = vec![4; n as usize];
-    let mut source = MeshSource {
+fn charts_end_at_seams() {
+    let (positions, indices, uvs) = strip(4, [0.1, 0.1], 0.2);
+    let mesh = Mesh::new(&MeshSource {
         positions: Strided::from_f32x3(&positions),
-        face_counts: Some(&counts),
+        face_counts: Some(&[4; 4]),
         indices: &indices,
         uvs: UvSource { u: pairs(&uvs), v: None, indices: Some(&indices) },
+        // The edge between the first two quads, in both directions. The last pair is a diagonal.
+        seams: &[[2, 3], [3, 2], [0, 3]],
         ..MeshSource::default()
-    };
-    change(&mut source);
-    Mesh::new(&source)
-}
-
-#[test]
-fn charts_end_at_seams() {
-    // The edge between the first two quads, in both directions. The last pair is a diagonal.
-    let mesh = with(4, |source| source.seams = &[[2, 3], [3, 2], [0, 3]]).unwrap();
+    })
+    .unwrap();
     assert_eq!((mesh.info.charts, mesh.info.seams_unused, mesh.info.border_edges), (2, 1, 12));
     assert_eq!(mesh.tiles[0].charts[0].triangles, 0..2);
-    let message = |seams: &'static [[u32; 2]]| with(4, |s| s.seams = seams).unwrap_err().message;
-    assert!(message(&[[0, 1], [3, 10]]).starts_with("seams[1]: vertex 10"));
-    assert!(message(&[[3, 3]]).starts_with("seams[0]: both"));
-}
-
-#[test]
-fn offsets_are_counts() {
-    let mesh = with(3, |s| (s.face_counts, s.face_offsets) = (None, Some(&[0, 4, 8, 12][..]))).unwrap();
-    assert_eq!((mesh.info.faces, mesh.info.triangles), (3, 6));
-    let message = |offsets: &'static [u32]| {
-        with(3, |s| (s.face_counts, s.face_offsets) = (None, Some(offsets))).unwrap_err().message
-    };
-    assert!(message(&[]).starts_with("face_offsets[0]"));
-    assert!(message(&[1, 4, 8, 12]).starts_with("face_offsets[0]"));
-    assert!(message(&[0, 8, 4, 12]).starts_with("face_offsets[2]: 4 after 8"));
-    assert!(message(&[0, 4, 8]).starts_with("face_offsets[2]: the last one is 8"));
-    let both = with(3, |s| s.face_offsets = Some(&[0, 4, 8, 12])).unwrap_err().message;
-    assert!(both.starts_with("face_offsets: face_counts"));
 }
 
 /// Found by fuzzing: the first corner of a last, empty face would be past the last corner.
@@ -213,8 +172,6 @@ fn faces_without_texture_and_short_ones_keep_their_corners() {
     without[9] = 2;
     let partly = build(&without, Some(&[0])).unwrap_err().message;
     assert!(partly.starts_with("uvs.indices[7]: no UV"), "{partly}");
-    let far = build(&indices, Some(&[0, 6])).unwrap_err().message;
-    assert!(far.starts_with("textured_faces[1]: face 6"), "{far}");
 }
 
 #[test]
@@ -237,17 +194,6 @@ fn uv_sets_have_tiles_of_their_own_one_set_after_the_other() {
     assert_eq!(tiles, [(0, 1001, 1), (1, 1002, 1), (3, 1002, 1)]);
     assert_eq!((mesh.info.uv_sets, mesh.info.degenerate_triangles, mesh.info.charts), (4, 6, 3));
     assert_eq!(mesh.corners.iter().map(|c| c[0].tile).collect::<Vec<_>>(), [0, 1, NONE, 2]);
-}
-
-#[test]
-fn a_weld_takes_tolerances_that_make_sense() {
-    let message = |weld: Weld| with(1, |s| s.weld = weld).unwrap_err().message;
-    let uv = |x: f64| Weld { uv_tolerance: Some(x), ..Weld::default() };
-    assert_eq!(message(uv(-1.0)), "weld.uv_tolerance: -1 is not between 0 and 1");
-    assert_eq!(message(uv(f64::NAN)), "weld.uv_tolerance: NaN is not between 0 and 1");
-    let position = Weld { position_tolerance: Some(2.0), ..Weld::default() };
-    assert_eq!(message(position), "weld.position_tolerance: 2 is not between 0 and 1");
-    assert!(with(1, |s| s.weld = uv(0.0)).is_ok());
 }
 
 #[test]

@@ -43,13 +43,16 @@ constants! {
     /// Weight of the hold at open borders along which texture slides (method §16).
     HOLD: f32 = 4.0;
 
-    /// Protection (method §4): with `protect` at 1, rigid material that the pose does not strain has 1 plus this times
-    /// the weight of what it strains most.
-    PROTECTION: f32 = 9.0;
-    /// The strain at which half of that is left.
-    PROTECTED_STRAIN: f32 = 0.04;
-    /// Resolution of stored weight reductions: they are multiples of 1 / this.
-    LOST_STEPS: f32 = 32768.0;
+    /// Strain of a feature that does not count as harm (method §4, Harm).
+    HARM_MARGIN: f32 = 0.01;
+    /// Stored multipliers are multiples of 1 / this.
+    MULTIPLIER_STEPS: f32 = 1024.0;
+    /// Largest multiplier: its code has 15 bits.
+    MOST_MULTIPLIER: f32 = 31.0;
+    /// The part of its multiplier that a feature keeps where a solve starts from the last result.
+    WARM_MULTIPLIER: f32 = 0.9;
+    /// Factor of the stress stiffness of the weight that multipliers add.
+    HARM_STRESS: f32 = 6.0;
 
     /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
     TENSION_STIFFNESS: f32 = 0.25;
@@ -103,6 +106,23 @@ constants! {
     /// The errors of a first correction's predicted gain, in the same units, between which the next step fraction
     /// grows.
     MODEL_ERROR_RAMP: [f64; 2] = [0.25, 2.0];
+}
+
+/// The growth of a feature's multiplier, in units of H, from the mean squares of its strain without a warp and with it
+/// (method §4, Harm).
+pub fn growth(before: f32, now: f32) -> f32 {
+    let (bound, now) = ((before + HARM_MARGIN * HARM_MARGIN).sqrt(), now.sqrt());
+    if now > bound { (now - bound) / now } else { 0.0 }
+}
+
+/// H on a level.
+pub fn harm_on(harm: f32, level: usize) -> f32 {
+    harm / (1u32 << level) as f32
+}
+
+/// A multiplier that has grown, rounded as it is stored.
+pub fn multiplier(before: f32, growth: f32) -> f32 {
+    ((before + growth).min(MOST_MULTIPLIER) * MULTIPLIER_STEPS + 0.5).floor() / MULTIPLIER_STEPS
 }
 
 /// The number of sweeps of each pass over a level.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::acceptance::Correction;
-use super::law::{CG_ITERATIONS, PROTECTION};
+use super::law::CG_ITERATIONS;
 use super::stage::{Stage, Start};
 use crate::grid::Grid;
 use crate::grid::pose::Pose;
@@ -19,8 +19,10 @@ pub struct Input<'a> {
     pub mesh: &'a TileMesh,
     pub pose: &'a Pose,
     pub settings: &'a TileSettings,
-    /// The setting `protect`; 0 for the paper's solver.
-    pub protect: f32,
+    /// The setting `harm`; 0 for the paper's solver.
+    pub harm: f32,
+    /// Per feature, the multiplier that a solve from the last result starts from; empty for 0.
+    pub multipliers: &'a [f32],
     /// Per chart, true if it is to be solved.
     pub charts: &'a [bool],
     /// λ(level + 1) / λ(level); see `Plan`.
@@ -34,25 +36,19 @@ impl Input<'_> {
     pub fn smoothness(&self, level: usize) -> f32 {
         self.settings.smoothness * self.continuation.powi(level as i32)
     }
-
-    /// The weight of rigid material that the pose strains most, relative to what it does not strain (method §4,
-    /// Protection). All other weights of the energy are multiplied by it.
-    pub fn least_weight(&self) -> f32 {
-        1.0 / (1.0 + PROTECTION * self.protect)
-    }
 }
 
 /// Use of a solver's memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Purpose {
     pub solver: Solver,
-    /// True if rigid material loses weight where the pose strains it (method §4, Protection).
-    pub protects: bool,
+    /// True if features that come out worse get stiffer (method §4, Harm).
+    pub weighs: bool,
 }
 
 impl Purpose {
     pub fn new(solver: Solver, settings: &TileSettings) -> Purpose {
-        Purpose { solver, protects: solver == Solver::Descent && settings.protect > 0.0 }
+        Purpose { solver, weighs: solver == Solver::Descent && settings.harm > 0.0 }
     }
 }
 
@@ -143,9 +139,9 @@ impl Plan {
         }
     }
 
-    /// The setting `protect`, which only the descent has.
-    pub fn protect(&self, settings: &TileSettings) -> f32 {
-        if self.pbd.is_some() { 0.0 } else { settings.protect }
+    /// The setting `harm`, which only the descent has.
+    pub fn harm(&self, settings: &TileSettings) -> f32 {
+        if self.pbd.is_some() { 0.0 } else { settings.harm }
     }
 
     pub fn solver(&self) -> Solver {

@@ -28,8 +28,7 @@ pub fn run(
     progress.begin(costs.whole(plan, coarsest));
     let mut solve = Solve { stages, costs, deadline, progress, summary: Summary::default() };
     solve.run(&Stage::Surface);
-    // Level 0 has what it loses of its weight from level 1.
-    solve.run(&Stage::Pyramid { coarsest: coarsest.max(1) });
+    solve.run(&Stage::Pyramid { coarsest });
     let mut reached = coarsest;
     for level in (plan.finest.min(coarsest)..=coarsest).rev() {
         let is_small = input.grid.levels[level].blocks.list.len() <= SMALL_LEVEL_BLOCKS;

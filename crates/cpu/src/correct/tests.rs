@@ -1,5 +1,6 @@
 use super::*;
 use crate::Memory;
+use crate::sampling::resample::Start as Resampling;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::fixtures::{Posed, maps};
 use vrtm_core::grid::planes::{EDGES, SIDE, slot};
@@ -63,6 +64,106 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
             }
         }
     });
+}
+
+/// A level's gradient, half of the derivative, along a random direction is that of finite differences of the energy;
+/// and at rest, where no edge is strained, the matrix is half of the second derivative. Each node has a multiplier.
+#[test]
+#[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
+fn multipliers_are_in_energy_gradient_and_matrix_alike() {
+    let stiff = |u: f64, v: f64| if (u - 0.5).hypot(v - 0.5) < 0.3 { 1.0 } else { 0.37 };
+    let purpose = Purpose { weighs: true, ..Purpose::default() };
+    for strained in [true, false] {
+        // On a flat surface slopes are exact.
+        let pose = |u: f64, v: f64| match strained {
+            true => [1.06 * u + 0.02 * v, 0.97 * v - 0.01 * u, 0.0],
+            false => [u, v, 0.0],
+        };
+        let sheet = Posed::new(4, maps(GRID, TileSettings::default(), stiff), pose);
+        let mut memory = Memory::new(&sheet.grid, purpose);
+        let mut result = vec![[[0.0; NODES]; 2]; sheet.grid.levels[0].blocks.list.len()];
+        Team::with(1, |team| {
+            let mut run = Run::new(team, &sheet.input(), &mut memory, &mut result, &[]);
+            run.run(&Stage::Surface);
+            run.run(&Stage::Pyramid { coarsest: 2 });
+            for level in 0..3 {
+                run.run(&Stage::Start { level, from: Start::Identity });
+                let mut seed = 7u32;
+                let mut random = || {
+                    seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    (seed >> 8) as f32 / (1u32 << 23) as f32 - 1.0
+                };
+                let buffers = &mut run.memory.levels[level];
+                buffers.is_weighed = true;
+                let codes = buffers.multiplier.as_flattened_mut().iter_mut();
+                codes.for_each(|code| *code = (8000.0 * (random() + 1.0)) as u16);
+                let movable = sheet.grid.levels[level].movable.clone();
+                let mut planes = |size: f32| {
+                    let mut plane =
+                        |b: usize| [0, 1].map(|_| movable[b].map(|free| size * random() * f32::from(free)));
+                    (0..movable.len()).map(&mut plane).collect::<Vec<_>>()
+                };
+                let (at, along) = (planes(if strained { 0.05 } else { 0.0 }), planes(1.0));
+                let energy = |run: &mut Run, t: f32| {
+                    let active = run.work[level].active.clone();
+                    run.move_and_resample(level, &active, Resampling::Nearest, |b, u| {
+                        for (u, (at, along)) in u.iter_mut().zip(at[b].iter().zip(&along[b])) {
+                            *u = std::array::from_fn(|s| at[s] + t * along[s]);
+                        }
+                    });
+                    run.energies(level)[0]
+                };
+                let t = if strained { 1e-3 } else { 0.02 };
+                let [high, low, here] = [t, -t, 0.0].map(|t| energy(&mut run, t));
+                let [rows, residual] = run.assembled(level);
+                let along = along.as_flattened().as_flattened();
+                let t = f64::from(t);
+                if strained {
+                    let product = |(r, v): (&u32, &f32)| -2.0 * f64::from(f32::from_bits(*r)) * f64::from(*v);
+                    let (slope, measured) =
+                        (residual.iter().zip(along).map(product).sum::<f64>(), (high - low) / (2.0 * t));
+                    assert!(
+                        (measured - slope).abs() < 0.01 * slope.abs(),
+                        "level {level}: {measured} {slope}"
+                    );
+                } else {
+                    let (curvature, measured) =
+                        (curvature(&run, level, &rows, along), (high + low - 2.0 * here) / (2.0 * t * t));
+                    assert!(
+                        (measured / curvature - 1.0).abs() < 0.01,
+                        "level {level}: {measured} {curvature}"
+                    );
+                }
+            }
+        });
+    }
+}
+
+/// The product v A v of a level's matrix, in the layout of `Run::rows`.
+fn curvature(run: &Run, level: usize, rows: &[u32], v: &[f32]) -> f64 {
+    let blocks = &run.grid.levels[level].blocks;
+    let vector = |b: usize, s: usize| [0, 1].map(|c| f64::from(v[(2 * b + c) * NODES + s]));
+    let mut sum = 0.0;
+    for (b, rows) in rows.chunks_exact(11 * NODES).enumerate() {
+        for s in 0..NODES {
+            let [x, y] = vector(b, s);
+            let [xx, xy, yy] = [0, 1, 2].map(|c| f64::from(f32::from_bits(rows[c * NODES + s])));
+            sum += xx * x * x + 2.0 * xy * x * y + yy * y * y;
+            let (i, j) = vrtm_core::grid::planes::node_at(s);
+            for (e, (di, dj)) in EDGES.into_iter().enumerate() {
+                let [k, l] = [i as i64 + di, j as i64 + dj].map(|n| (n + SIDE as i64) as usize);
+                let holder = blocks.neighbours[b][l / SIDE * 3 + k / SIDE];
+                if holder == vrtm_core::mesh::NONE {
+                    continue;
+                }
+                let far = vector(holder as usize, slot(k % SIDE, l % SIDE));
+                let pair = rows::decode_one([0, 1].map(|c| rows[(3 + 2 * e + c) * NODES + s])).map(f64::from);
+                sum += 2.0
+                    * (x * (pair[0] * far[0] + pair[1] * far[1]) + y * (pair[2] * far[0] + pair[3] * far[1]));
+            }
+        }
+    }
+    sum
 }
 
 #[test]

@@ -3,8 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions, TileSettings};
+use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions};
 use vrtm_testkit::StageDifference;
+use vrtm_testkit::features::dense::dense;
 use vrtm_testkit::parity::compare_backends;
 use vrtm_testkit::{self, Model, long, options};
 
@@ -41,8 +42,8 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
         ("position under W (chart sizes)" | "metric under W", _) => ([1e-3, 1e-4], [1e-4, 1e-5]),
         // Sums of products in which large terms cancel: at the minimum the right-hand side vanishes. Each backend
         // samples the positions itself; rounding them to 6e-8 changes strains by 8e-6 where an edge has 1/128 of the
-        // chart's size. 5.0e-5 was measured (creature), and an RMS of 2.6e-6.
-        ("right-hand side", _) => ([0.0; 2], [2e-4, 1e-5]),
+        // chart's size. 2.1e-4 was measured (dense bulge), and an RMS of 2.6e-6.
+        ("right-hand side", _) => ([0.0; 2], [4e-4, 1e-5]),
         // Pairs are rounded to bfloat16: an error of the size of f32's rounding may change one to the next bfloat16,
         // 1/128 of it away. Few pairs are that close to the middle between two bfloat16 (an RMS of 1.3e-5 of the
         // largest was measured), and on either backend the diagonal makes up for what rounding took from a pair.
@@ -86,8 +87,8 @@ const MAX_OTHER_DECISIONS: [u64; 2] = [2, 11];
 /// The model whose cells are crushed everywhere.
 const CRUSHED: &str = "squash to 10 %";
 
-/// The model with the setting `protect`.
-const PROTECTED: &str = "squash to 40 %, protected";
+/// The model with features that come out worse where none gets stiffer.
+const CROWDED: &str = "dense bulge";
 
 /// The largest differences of a quantity over all models.
 #[derive(Default)]
@@ -103,7 +104,7 @@ struct Row {
 #[test]
 fn stages_from_the_same_state() {
     let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    use vrtm_testkit::scenes::{analytic::squash, arm, creature, mug_to_jug};
+    use vrtm_testkit::scenes::{analytic::bulge, analytic::squash, arm, creature, mug_to_jug};
     let mut models = vrtm_testkit::analytic();
     models.extend([squash(0.4), squash(0.1)].map(Model::from));
     models.last_mut().unwrap().name = CRUSHED.to_owned();
@@ -112,16 +113,14 @@ fn stages_from_the_same_state() {
         vrtm_testkit::assets().into_iter().filter(|m| ["fox", "ict_inner", "mh_face"].contains(&&*m.name)),
     );
     let mut models = long::share(models, 3, "models");
-    models.push(Model { name: PROTECTED.to_owned(), ..Model::from(squash(0.4)) });
+    // Steps are limited in the one, and features are worse in the other.
+    models.push(squash(0.4).into());
+    models.push(dense(&Model { name: "bulge".to_owned(), ..bulge().into() }));
     let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
     let mut failures = Vec::new();
     let mut least_fraction = 1.0f64;
     for model in &models {
-        let mut asset = model.asset_on(&device, 128);
-        if model.name == PROTECTED {
-            let settings = TileSettings { protect: 1.0, ..asset.settings(0).unwrap() };
-            asset.set_settings(0, &settings).unwrap();
-        }
+        let asset = model.asset_on(&device, if model.name == CROWDED { 256 } else { 128 });
         let found = compare_backends(&asset, 0, model.frame(1), &options(Quality::Normal), true).unwrap();
         assert!(!found.is_empty(), "{} has nothing to solve", model.name);
         for difference in found {

@@ -41,7 +41,7 @@ _NUMBERS = {
     "orientation_density": "Hold rigid features against turning where they are dense, and let sparse ones turn.",
     "room": "Protect texture between rigid features from being crushed. Higher values leave it more room.",
     "room_threshold": "The part of its area to which texture may shrink before --room protects it.",
-    "protect": "Give features that the pose does not strain priority over strained ones in a crowd.",
+    "harm": "Stiffness that a feature gains where it would come out worse than without the warp.",
 }
 """Sentences of the numbers among the library's settings of a tile, which states their limits."""
 

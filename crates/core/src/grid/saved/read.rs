@@ -17,7 +17,7 @@ use crate::grid::square_nodes::SquareNodes;
 use crate::grid::squares::Square;
 use crate::grid::survey::{levels, movable_of_charts};
 use crate::grid::uv_triangle::uv_triangles;
-use crate::grid::{Grid, Level, mirrors, survey_bytes};
+use crate::grid::{Grid, Level, labels, mirrors, survey_bytes};
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::MAX_GRID;
 use crate::team::Team;
@@ -92,6 +92,7 @@ pub fn grid(
     if !from.0.is_empty() {
         return Err(refuse("it is too long"));
     }
+    let features = Arc::new(labels::features(team, &levels, &survey[0].movable, &triangle));
     let has_extra = !levels[0].density.is_empty() || !levels[0].hold.is_empty();
     Ok(Grid {
         levels,
@@ -103,6 +104,7 @@ pub fn grid(
         overlap,
         at_gaps,
         has_extra,
+        features,
         rest: Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None)),
         survey: Arc::new(survey),
         parts: Arc::new(parts),
