@@ -1,4 +1,4 @@
-// harm: the multipliers of the features that are worse than without a warp (method §4, Harm). One workgroup works on each
+// harm: multipliers of the features that are worse than without a warp (method §4, Harm). One workgroup works on each
 // feature: the counterpart of `growth` and `multiplier` in crates/core/src/method/law.rs.
 
 @group(0) @binding(11) var<storage, read> squares: array<f32>;

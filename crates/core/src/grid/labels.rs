@@ -7,6 +7,7 @@ use super::planes::{EDGES, NODES, Plane, SIDE, node_at, slot};
 use super::window::{self, WINDOW_NODES, Window, place};
 use crate::allocation::{Vec, vec, zeroed};
 use crate::mesh::NONE;
+use crate::sets::root;
 use crate::team::Team;
 
 /// Most pieces of a block; the nodes of further ones are in no feature.
@@ -132,16 +133,6 @@ fn around(nodes: NodeSet) -> NodeSet {
     let rows = nodes.0.map(|row| row | row << 1 | row >> 1);
     let row = |j: usize| rows.get(j).copied().unwrap_or(0);
     NodeSet(std::array::from_fn(|j| row(j) | row(j + 1) | row(j.wrapping_sub(1))))
-}
-
-/// The piece that a piece is connected with.
-fn root(parents: &mut [u32], mut piece: u32) -> u32 {
-    while parents[piece as usize] != piece {
-        let parent = parents[piece as usize];
-        parents[piece as usize] = parents[parent as usize];
-        piece = parent;
-    }
-    piece
 }
 
 /// Numbers the features of level 0, in the order of their first pieces, and leaves out those with few edges.
