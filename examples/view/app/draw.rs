@@ -9,9 +9,11 @@ use eframe::egui_wgpu::Renderer;
 use serde_json::json;
 
 use super::App;
+use crate::brush::pick::Hit;
 use crate::draw::camera::View;
 use crate::draw::picture::Picture;
-use crate::panel::{style, viewport};
+use crate::panel::style;
+use crate::panel::viewport::{self, Shown};
 
 /// The picture on the screen, drawn again only if something changed.
 pub struct Screen {
@@ -89,6 +91,15 @@ impl App {
         }
         let has_strain = self.shown.is_some();
         viewport::overlay(ui, area, &self.look, has_strain);
+        if let (Shown::Strain, Some(open), Some(answer)) = (self.look.shown, &self.open, &self.shown) {
+            let projected = self.stroke.projected(&camera, &answer.positions);
+            for (pane, &redirected) in self.look.redirected().iter().enumerate() {
+                let places = (self.look.pane(area, pane), self.look.seen(area, pane));
+                let is_seen = |hit: &Hit| projected.shows(&open.model, &answer.positions, &camera, hit);
+                let rings = self.rings[usize::from(redirected)].iter().filter(|(hit, _)| is_seen(hit));
+                rings.for_each(|(hit, radius)| viewport::outline(ui, places, &camera, hit, *radius));
+            }
+        }
         if let Some((pane, hit, radius)) = self.stroke.under.filter(|_| self.look.brush && !recording) {
             let places = (self.look.pane(area, pane), self.look.seen(area, pane));
             viewport::outline(ui, places, &camera, &hit, radius);

@@ -16,6 +16,7 @@ use serde_json::json;
 use crate::args::Args;
 use crate::brush::kind::Brush;
 use crate::brush::painter::Painter;
+use crate::brush::pick::Hit;
 use crate::draw::beyond;
 use crate::draw::camera::Orbit;
 use crate::draw::gpu::Gpu;
@@ -33,6 +34,7 @@ use crate::solve::answer::Answer;
 use crate::solve::flow::{Flow, Wanted};
 use crate::solve::inbox::Edit;
 use crate::solve::worker::{News, Worker};
+use crate::solve::worst;
 use crate::timeline::Timeline;
 use crate::trace::Trace;
 use dialogs::{Ask, Dialogs};
@@ -68,6 +70,8 @@ pub struct App {
     told: Settings,
     flow: Flow,
     shown: Option<Answer>,
+    /// Rings around its worst features, by the original UVs and through the redirection.
+    rings: [Vec<(Hit, f32)>; 2],
     history: History,
     screen: Screen,
     stroke: Stroke,
@@ -115,6 +119,7 @@ impl App {
             told: Settings::default(),
             flow: Flow::default(),
             shown: None,
+            rings: Default::default(),
             history: History::default(),
             screen: Screen::new(state.renderer.clone()),
             stroke: Stroke::default(),
@@ -177,6 +182,7 @@ impl App {
         open.scene.show(&self.gpu, &answer);
         self.screen.changed();
         self.stroke.moved();
+        self.rings = worst::rings(&open.model, &answer);
         self.shown = Some(answer);
         if self.clip.is_some() {
             self.clip_frame();

@@ -29,6 +29,12 @@ impl Stroke {
     pub fn moved(&mut self) {
         self.projected = None;
     }
+
+    /// The vertices on the picture.
+    pub fn projected(&mut self, camera: &Camera, positions: &[[f32; 3]]) -> &Projected {
+        let known = self.projected.take().filter(|(of, _)| of == camera);
+        &self.projected.insert(known.unwrap_or_else(|| (*camera, Projected::new(camera, positions)))).1
+    }
 }
 
 /// Dabs per radius along a stroke.
@@ -75,16 +81,13 @@ impl App {
         let Some((pane, at)) = mouse.over.filter(|_| self.look.brush) else { return mouse.paints };
         let Some(answer) = &self.shown else { return false };
         let positions = &answer.positions;
-        if self.stroke.projected.as_ref().is_none_or(|(of, _)| of != camera) {
-            self.stroke.projected = Some((*camera, Projected::new(camera, positions)));
-        }
-        let Some((_, projected)) = &self.stroke.projected else { return false };
         let model = &open.model;
         let radius = |hit: &Hit| self.brush.radius / size.y * camera.height(hit.depth);
         let mut hits: Vec<Hit> = Vec::new();
         let from = self.stroke.last.filter(|(of, _)| mouse.paints && *of == pane).map_or(at, |(_, at)| at);
         let way = [0, 1].map(|c| (at[c] - from[c]) * size[c]);
         let steps = (way[0].hypot(way[1]) / self.brush.radius * DENSITY).ceil().max(1.0) as usize;
+        let projected = self.stroke.projected(camera, positions);
         for k in 1..=steps.min(MOST) {
             let t = k as f32 / steps.min(MOST) as f32;
             hits.extend(projected.pick(model, positions, [0, 1].map(|c| from[c] + (at[c] - from[c]) * t)));

@@ -26,6 +26,14 @@ impl Projected {
         Projected { points: positions.iter().map(|&p| camera.project(p).unwrap_or(BEHIND)).collect() }
     }
 
+    /// True if nothing lies before a point of the surface.
+    pub fn shows(&self, model: &Model, positions: &[[f32; 3]], camera: &Camera, hit: &Hit) -> bool {
+        camera.project(hit.position).is_some_and(|[x, y, depth]| {
+            let first = self.pick(model, positions, [x, y]);
+            first.is_none_or(|first| first.depth > depth - 0.01 * model.radius)
+        })
+    }
+
     /// The nearest point of the surface at a place on the picture, in units of its width and height.
     pub fn pick(&self, model: &Model, positions: &[[f32; 3]], at: [f32; 2]) -> Option<Hit> {
         let mut best: Option<(usize, [f32; 3], f32)> = None;
@@ -63,7 +71,7 @@ impl Projected {
 mod tests {
     use super::*;
     use crate::draw::camera::Orbit;
-    use crate::model::{dot, length};
+    use crate::model::{dot, length, plus};
 
     #[test]
     fn the_nearest_of_two_sides_is_picked() {
@@ -75,6 +83,9 @@ mod tests {
         let [x, y, depth] = camera.project(hit.position).expect("before the viewer");
         assert!((x - 0.5).abs() < 1e-3 && (y - 0.55).abs() < 1e-3, "{x} {y}");
         assert!((depth - hit.depth).abs() < 1e-3 * depth);
+        let other = |hit: Hit| Hit { position: plus(hit.position, camera.forward, model.radius), ..hit };
+        let shows = |hit| projected.shows(&model, rest, &camera, &hit);
+        assert!(shows(hit) && !shows(other(hit)), "a point behind the surface");
         // The other side of the mug lies farther away than its middle.
         let middle = dot(minus(model.centre, camera.eye), camera.forward);
         assert!(hit.depth < middle && length(minus(hit.position, model.centre)) < 1.1 * model.radius);

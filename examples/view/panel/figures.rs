@@ -66,6 +66,15 @@ pub fn show(ui: &mut Ui, answer: &Answer, history: &History, draw_ms: f64) {
             }
             ui.end_row();
         }
+        if let Some([features, worse]) = strain.map(|s| s.features).filter(|[features, _]| *features > 0) {
+            ui.label("worse features").on_hover_text(
+                "Painted features whose strain is larger than without the warp, by more than .02: ringed in the \
+                 view of strain, of each tile sixteen at most.",
+            );
+            ui.label("");
+            ui.label(number(format!("{worse} of {features}")));
+            ui.end_row();
+        }
     });
     let times = RichText::new("times and charts").color(style::QUIET);
     egui::CollapsingHeader::new(times)

@@ -125,3 +125,16 @@ fn pointer(ui: &Ui) -> Option<Pos2> {
         i.events.iter().find_map(released).or(i.pointer.latest_pos())
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fonts_have_the_icons() {
+        let context = egui::Context::default();
+        context.run_ui(Default::default(), |_| {}).textures_delta.clear();
+        let font = egui::FontId::proportional(13.0);
+        assert!(context.fonts_mut(|fonts| fonts.has_glyphs(&font, "⏮⏸▶⏭")));
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use vrtm::{Asset, AssetReport, FetchKind, ImageViewMut, Origin, TileReport};
+use vrtm::{Asset, AssetReport, FetchKind, ImageViewMut, Origin, StrainReport, TileReport};
 
 use super::inbox::Request;
 
@@ -92,13 +92,18 @@ pub struct Strain {
     pub edges: u64,
     pub rms: [f32; 2],
     pub p95: [f32; 2],
+    /// Painted features, and how many of them are worse than without the warp.
+    pub features: [u32; 2],
 }
 
 impl Answer {
     /// `None` if nothing rigid was measured.
     pub fn strain(&self) -> Option<Strain> {
-        let reports = self.tiles.iter().filter_map(|tile| tile.report.strain.as_ref());
-        Strain::of(reports.map(|s| (s.segments, [s.before.rms, s.after.rms], [s.before.p95, s.after.p95])))
+        let reports = || self.tiles.iter().filter_map(|tile| tile.report.strain.as_ref());
+        let all = reports().map(|s| (s.segments, [s.before.rms, s.after.rms], [s.before.p95, s.after.p95]));
+        let features = [|s: &StrainReport| s.features, |s: &StrainReport| s.features_worse]
+            .map(|count| reports().map(count).sum());
+        Strain::of(all).map(|strain| Strain { features, ..strain })
     }
 }
 
