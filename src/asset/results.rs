@@ -18,12 +18,10 @@ use vrtm_core::unwind::caught;
 use vrtm_core::view::{Packed, Strided};
 
 use super::stretch::Stretch;
-use crate::map::canvas::Canvas;
 use crate::map::certificate::desc::{MapDesc, MapReport};
-use crate::map::dilation::Dilation;
 use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
-use crate::map::{FetchKind, certificate, external};
+use crate::map::{FetchKind, certificate, dilation, external};
 use crate::solved::Solved;
 
 /// The last good results of an asset. A clone is another handle to the same results; any thread may keep and read it
@@ -207,8 +205,7 @@ impl Results {
         FetchKind::RedirectionUdim.check_channels("image", image.layout.channels)?;
         device.call(|| {
             device.team(|team| {
-                let dilation = Dilation::new(team, mesh, tile, reach, image.part());
-                dilation.write(team, &Canvas::new(image));
+                dilation::write(team, mesh, tile, reach, image);
                 Ok(())
             })
         })

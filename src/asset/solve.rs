@@ -34,16 +34,6 @@ use crate::solved::Solved;
 /// The share of a call's progress for preparing its tiles, if any tile needs it.
 const PREPARING: f32 = 0.3;
 
-/// The results of a solve before they are published: the requested outputs are written first, since that can fail.
-struct Fresh {
-    /// Of the solved tiles.
-    solved: Vec<TileSolved>,
-    /// See `Asset::late`.
-    late: Vec<bool>,
-    /// The results of all tiles.
-    last: Last,
-}
-
 impl Asset {
     /// Solves every tile for a pose.
     ///
@@ -81,9 +71,15 @@ impl Asset {
         self.device.clone().call(|| {
             caught(|| {
                 Team::of(&crew, |team| {
-                    let fresh = self.solve_tiles(team, &crew, request, start)?;
-                    self.results.write_all(team, &fresh.last, fetches)?;
-                    self.publish(fresh);
+                    let (solved, late, last) = self.solve_tiles(team, &crew, request, start)?;
+                    // Results are published after the requested outputs are written, since that can fail.
+                    self.results.write_all(team, &last, fetches)?;
+                    for solved in solved {
+                        let tile = solved.tile();
+                        self.tiles[tile].last = Some(solved);
+                    }
+                    self.tiles.iter_mut().zip(late).for_each(|(state, late)| state.late = late);
+                    self.results.replace(last);
                     if let Some(control) = team.control() {
                         control.tell_end();
                     }
@@ -93,14 +89,15 @@ impl Asset {
         })
     }
 
-    /// Solves the tiles of a request; returns the results to be published.
+    /// Solves the tiles of a request; returns the results to be published: those of the solved tiles, per tile whether
+    /// it is late (see `Asset::late`), and the results of all tiles.
     fn solve_tiles(
         &mut self,
         team: &Team,
         crew: &Crew,
         request: &SolveRequest,
         start: Instant,
-    ) -> Result<Fresh> {
+    ) -> Result<(Vec<TileSolved>, Vec<bool>, Last)> {
         let _working = team.control().map(|control| control.begin());
         team.check_or_unwind();
         let plan = Plan::new(&request.options);
@@ -118,7 +115,7 @@ impl Asset {
         if let Some(control) = team.control() {
             control.seal_or_unwind();
         }
-        Ok(Fresh { solved, late, last })
+        Ok((solved, late, last))
     }
 
     /// Per tile, whether the request allows that its result changes.
@@ -263,16 +260,6 @@ impl Asset {
             Some(TileResult { kept: true, late, ..last.tiles.get(tile)?.clone()? })
         };
         late.iter().enumerate().map(kept).collect()
-    }
-
-    /// Replaces the last results, all at once. Cannot fail.
-    fn publish(&mut self, fresh: Fresh) {
-        for solved in fresh.solved {
-            let tile = solved.tile();
-            self.tiles[tile].last = Some(solved);
-        }
-        self.tiles.iter_mut().zip(fresh.late).for_each(|(state, late)| state.late = late);
-        self.results.replace(fresh.last);
     }
 }
 

@@ -199,7 +199,7 @@ impl TileState {
             None => Vec::from(self.multipliers(grid)),
         };
         let (gutter, build_ms) = self.gutter_and_ms(&call.on, self.is_torn())?;
-        let WarpResult { warp, results, mut report, work } = begun.result(call.plan, grid, solution)?;
+        let (warp, results, mut report, work) = begun.result(call.plan, grid, solution)?;
         self.fill_report(&mut report, grid, mesh, &begun.tasks, &results);
         report.times.maps = build_ms;
         report.times.total = begun.spent.as_secs_f32() * 1000.0 + build_ms;
@@ -374,14 +374,8 @@ impl TileState {
     }
 }
 
-struct WarpResult {
-    warp: Arc<Warp>,
-    results: Vec<ChartResult>,
-    /// Filled in as far as it follows from the solve itself.
-    report: TileReport,
-    /// The GPU's dispatches, submissions and transfers.
-    work: Option<GpuWork>,
-}
+/// A warp, the results of all charts, the report as far as it follows from the solve itself, and the GPU's work.
+type WarpResult = (Arc<Warp>, Vec<ChartResult>, TileReport, Option<GpuWork>);
 
 /// A tile in a pose, before its solver runs.
 #[derive(Debug)]
@@ -417,7 +411,7 @@ impl Begun {
         let Some(solution) = solution else {
             let nothing = || Error::new(ErrorKind::Internal, "a tile was not solved");
             let warp = self.warp.take().ok_or_else(nothing)?;
-            return Ok(WarpResult { warp, results, report, work: None });
+            return Ok((warp, results, report, None));
         };
         for (c, _) in self.tasks.iter().enumerate().filter(|(_, task)| **task == ChartTask::Solve) {
             results[c] = solution.charts[c];
@@ -432,7 +426,7 @@ impl Begun {
             blocks_active: solution.blocks_active,
             levels: plan.coarsest(grid) as u32 + 1,
         });
-        Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
+        Ok((Arc::new(solution.warp), results, report, solution.work))
     }
 }
 

@@ -30,21 +30,21 @@ pub(crate) fn inspect(
     desc: &MapDesc,
 ) -> Result<MapReport> {
     let reader = &mut Reader { device, team, mesh, solved, outputs: Outputs::default() };
-    let found = count_folds(reader, desc, u64::MAX)?;
+    let (folds, min_jacobian) = count_folds(reader, desc, u64::MAX)?;
     let errors = error::measure(reader, desc)?;
-    let mut sufficient = (found.folds == 0).then_some(desc.size);
+    let mut sufficient = (folds == 0).then_some(desc.size);
     for size in near_sizes(desc.size) {
         if sufficient.is_some() {
             break;
         }
         // One fold decides, so counting stops there.
-        let folds = count_folds(reader, &MapDesc { size, ..*desc }, 1)?.folds;
+        let (folds, _) = count_folds(reader, &MapDesc { size, ..*desc }, 1)?;
         sufficient = (folds == 0).then_some(size);
     }
     Ok(MapReport {
         size: desc.size,
-        folds: found.folds,
-        min_jacobian: found.min_jacobian,
+        folds,
+        min_jacobian,
         error_rms: errors.rms,
         error_p99: errors.p99,
         error_max: errors.max,
@@ -64,18 +64,11 @@ fn near_sizes(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
     larger.chain(std::iter::successors(halved(&size), halved))
 }
 
-/// Folds of the interpolated map.
-struct Folds {
-    folds: u64,
-    /// Smallest Jacobian at a corner of a quad.
-    min_jacobian: f64,
-}
-
-/// Counts the quads of a map that fold; stops early at `enough`.
-fn count_folds(reader: &mut Reader, desc: &MapDesc, enough: u64) -> Result<Folds> {
+/// Counts the quads of a map that fold, and finds the smallest Jacobian at a corner of one; stops early at `enough`.
+fn count_folds(reader: &mut Reader, desc: &MapDesc, enough: u64) -> Result<(u64, f64)> {
     let [width, height] = desc.sizes();
     let size = [width as f64, height as f64];
-    let mut all = Folds { folds: 0, min_jacobian: 1.0 };
+    let (mut all, mut min_jacobian) = (0, 1.0);
     for rows in bands(width, height) {
         let strip = reader.read(desc, rows.clone())?;
         let mut found = vec![(0, 1.0f64); rows.len() - 1];
@@ -87,11 +80,11 @@ fn count_folds(reader: &mut Reader, desc: &MapDesc, enough: u64) -> Result<Folds
                 *least = least.min(smallest);
             }
         });
-        all.folds += found.iter().map(|row| row.0).sum::<u64>();
-        all.min_jacobian = found.iter().map(|row| row.1).fold(all.min_jacobian, f64::min);
-        if all.folds >= enough {
+        all += found.iter().map(|row| row.0).sum::<u64>();
+        min_jacobian = found.iter().map(|row| row.1).fold(min_jacobian, f64::min);
+        if all >= enough {
             break;
         }
     }
-    Ok(all)
+    Ok((all, min_jacobian))
 }
