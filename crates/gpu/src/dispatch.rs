@@ -69,10 +69,7 @@ impl Run<'_> {
         size: DispatchSize,
         bytes: u64,
     ) {
-        if size.workgroups == 0 {
-            return;
-        }
-        if self.error.is_some() {
+        if size.workgroups == 0 || self.error.is_some() {
             return;
         }
         // Blocks of charts that take no part in a further correction return at once.
@@ -89,7 +86,7 @@ impl Run<'_> {
         let bind_group = match self.memory.bind_groups.get(&key) {
             Some(bind_group) => bind_group.clone(),
             None => {
-                let bind_group = self.memory.bind_group(kernel, &pipeline.layout, level, &key.2, extra);
+                let bind_group = self.memory.bind_group(kernel, pipeline, level, &key.2, extra);
                 make_room_in(&mut self.memory.bind_groups, 1);
                 #[expect(clippy::disallowed_methods, reason = "room was made above")]
                 self.memory.bind_groups.insert(key, bind_group.clone());
@@ -109,20 +106,15 @@ impl Run<'_> {
         params: Params,
     ) {
         let List { first, count, size_index } = list;
+        // Its share of the triangles is taken to be its share of the level's active blocks.
+        let active = self.memory.active_blocks[level].max(1);
+        let triangles = self.grid.triangles.len() as u64 * u64::from(count).min(active) / active;
         let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64
-            + self.triangle_bytes(kernel, level, count);
+            + u64::from(kernel.bytes_per_triangle()) * triangles;
         let size = self.dispatch_size(size_index, count);
         let state_planes = state_planes(level) as u32;
         let params = Params { first, count, state_planes, ..params };
         self.dispatch(kernel, level, extra, &params, size, bytes);
-    }
-
-    /// Bytes of triangles that a dispatch over `count` blocks of a level reads. Its share of the triangles is taken to
-    /// be its share of the level's active blocks.
-    pub(super) fn triangle_bytes(&self, kernel: Kernel, level: usize, count: u32) -> u64 {
-        let active = self.memory.active_blocks[level].max(1);
-        let triangles = self.grid.triangles.len() as u64 * u64::from(count).min(active) / active;
-        u64::from(kernel.bytes_per_triangle()) * triangles
     }
 
     /// Dispatches a kernel over all active blocks of a level.

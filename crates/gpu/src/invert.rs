@@ -2,14 +2,13 @@
 //! the host. All steps that can fail precede the first texel that is handed out, except for mapping the staging
 //! buffers.
 
-use std::num::NonZeroU64;
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::context::Context;
-use super::kernels::{Binding, Kernel, slot};
+use super::kernels::Kernel;
 use super::layout::{Request, SPREAD};
-use super::pipelines::Pipeline;
+use super::pipelines::{Pipeline, range};
 use super::redirect::{INVERSE_BYTES, Redirection, RowBand, Values, texel_bytes};
 use super::results::Displacements;
 use vrtm_core::allocation::Vec;
@@ -229,8 +228,15 @@ impl<'a> Inversion<'a> {
         if request.count == 0 {
             return;
         }
-        let extra = [&self.records, &self.centres, &buffers.state, image];
-        let bind_group = bind_group(self.context, self.pipeline, &buffers.blocks, extra, (k * STRIDE) as u64);
+        let request_bytes = size_of::<Request>() as u64;
+        let resources = [
+            buffers.blocks.as_entire_binding(),
+            range(&self.records, (k * STRIDE) as u64, request_bytes),
+            self.centres.as_entire_binding(),
+            buffers.state.as_entire_binding(),
+            image.as_entire_binding(),
+        ];
+        let bind_group = self.pipeline.bind_group(&self.context.device, Kernel::Invert, resources);
         let workgroups = request.count * request.workgroups_per_block;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline.pipeline);
@@ -268,32 +274,6 @@ fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<
             .map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
     };
     bands.iter().map(request).collect()
-}
-
-fn bind_group(
-    context: &Context,
-    pipeline: &Pipeline,
-    blocks: &wgpu::Buffer,
-    extra: [&wgpu::Buffer; 4],
-    offset: u64,
-) -> wgpu::BindGroup {
-    let entries = Kernel::Invert.source().bindings.iter().map(|binding| {
-        let resource = match *binding {
-            Binding::Read(slot::EXTRA) => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer: extra[0],
-                offset,
-                size: NonZeroU64::new(size_of::<Request>() as u64),
-            }),
-            Binding::Read(slot::BLOCKS) => blocks.as_entire_binding(),
-            other => extra[(other.number() - slot::EXTRA) as usize].as_entire_binding(),
-        };
-        wgpu::BindGroupEntry { binding: binding.number(), resource }
-    });
-    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("invert"),
-        layout: &pipeline.layout,
-        entries: &entries.collect::<Vec<_>>(),
-    })
 }
 
 #[cfg(test)]

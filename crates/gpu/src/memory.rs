@@ -9,6 +9,7 @@ use super::context::Context;
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{PLANE, Params, ROW_PLANES};
 use super::lists::{Lists, level_lists};
+use super::pipelines::{Pipeline, range};
 use super::recorder::{Bound, RecorderResources};
 use super::records::{block_nodes, block_records, corners, features, triangles};
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
@@ -331,7 +332,7 @@ impl Memory {
     pub fn bind_group(
         &self,
         kernel: Kernel,
-        layout: &wgpu::BindGroupLayout,
+        pipeline: &Pipeline,
         level: usize,
         state: &wgpu::Buffer,
         extra: &[wgpu::Buffer],
@@ -353,24 +354,11 @@ impl Memory {
             n => &extra[(n - slot::EXTRA) as usize],
         };
         let bindings = kernel.source().bindings;
-        let entry = |binding: &Binding| {
-            let buffer = buffer(binding.number());
-            let resource = match binding {
-                Binding::Params => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer,
-                    offset: 0,
-                    size: std::num::NonZeroU64::new(size_of::<Params>() as u64),
-                }),
-                _ => buffer.as_entire_binding(),
-            };
-            wgpu::BindGroupEntry { binding: binding.number(), resource }
-        };
-        let entries: Vec<_> = bindings.iter().map(entry).collect();
-        let group = self.context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(kernel.source().entry),
-            layout,
-            entries: &entries,
+        let resources = bindings.iter().map(|binding| match (binding, buffer(binding.number())) {
+            (Binding::Params, buffer) => range(buffer, 0, size_of::<Params>() as u64),
+            (_, buffer) => buffer.as_entire_binding(),
         });
+        let group = pipeline.bind_group(&self.context.device, kernel, resources);
         let stored = bindings.iter().filter(|binding| **binding != Binding::Params);
         let uses =
             stored.map(|binding| (buffer(binding.number()).clone(), matches!(binding, Binding::Write(_))));

@@ -10,7 +10,7 @@ use vrtm_core::allocation::Vec;
 #[derive(Debug)]
 pub struct Pipeline {
     pub pipeline: wgpu::ComputePipeline,
-    pub layout: wgpu::BindGroupLayout,
+    layout: wgpu::BindGroupLayout,
 }
 
 /// The compiled kernels of a device; each is compiled when it is first used.
@@ -59,6 +59,27 @@ impl Pipeline {
         });
         Pipeline { pipeline, layout }
     }
+
+    /// A bind group of a kernel, with the resources of its bindings in their order.
+    pub fn bind_group<'a>(
+        &self,
+        device: &wgpu::Device,
+        kernel: Kernel,
+        resources: impl IntoIterator<Item = wgpu::BindingResource<'a>>,
+    ) -> wgpu::BindGroup {
+        let Source { entry, bindings, .. } = kernel.source();
+        let entry_of =
+            |(binding, resource): (&Binding, _)| wgpu::BindGroupEntry { binding: binding.number(), resource };
+        let entries: Vec<_> = bindings.iter().zip(resources).map(entry_of).collect();
+        let (label, layout) = (Some(*entry), &self.layout);
+        device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries })
+    }
+}
+
+/// A range of a buffer's bytes.
+pub fn range(buffer: &wgpu::Buffer, offset: u64, size: u64) -> wgpu::BindingResource<'_> {
+    let size = std::num::NonZeroU64::new(size);
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size })
 }
 
 fn layout_entry(binding: Binding) -> wgpu::BindGroupLayoutEntry {

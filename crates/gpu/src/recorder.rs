@@ -115,69 +115,6 @@ pub struct Recorder {
     statistics: Vec<Vec<KernelStatistics>>,
 }
 
-/// Statistics of the GPU's work in a solve.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Statistics {
-    /// Milliseconds on the host until all inputs were uploaded.
-    pub upload_ms: f32,
-    pub record_ms: f32,
-    pub wait_ms: f32,
-    pub submissions: u64,
-    /// Dispatches under gates that were closed.
-    pub skipped: u64,
-    /// Dispatches that had to wait for earlier ones.
-    pub barriers: u64,
-    /// Bytes of the tile's buffers.
-    pub bytes_held: u64,
-    /// Per kernel, in the order of `SOURCES`.
-    pub kernels: Vec<KernelStatistics>,
-    /// Milliseconds per stage; `None` without timestamps.
-    pub stages: Option<[f32; STAGES]>,
-}
-
-impl Statistics {
-    /// Times of the stages; all 0 if the GPU has no timestamps.
-    pub fn times(&self) -> StageTimes {
-        let [surface, pyramid, prolong, relax, correct, pbd, certify, _] = self.stages.unwrap_or_default();
-        report!(StageTimes {
-            surface: surface,
-            pyramid: pyramid,
-            prolong: prolong,
-            relax: relax,
-            correct: correct,
-            pbd: pbd,
-            certify: certify,
-        })
-    }
-}
-
-impl Statistics {
-    /// The statistics as a host receives them.
-    pub fn work(&self) -> GpuWork {
-        let kernels = SOURCES.iter().zip(&self.kernels).filter(|(_, kernel)| kernel.dispatches > 0);
-        let kernels = kernels.map(|(source, kernel)| {
-            report!(GpuKernel {
-                name: format!("{} ({})", source.entry, source.parts.join(", ")),
-                dispatches: kernel.dispatches,
-                workgroups: kernel.workgroups,
-                bytes: kernel.bytes,
-                ms: (kernel.ms > 0.0).then_some(kernel.ms),
-            })
-        });
-        report!(GpuWork {
-            upload_ms: self.upload_ms,
-            record_ms: self.record_ms,
-            wait_ms: self.wait_ms,
-            gpu_ms: self.stages.map(|stages| stages.iter().sum()),
-            submissions: self.submissions,
-            skipped: self.skipped,
-            barriers: self.barriers,
-            bytes_held: self.bytes_held,
-            kernels: kernels.collect(),
-        })
-    }
-}
-
 /// Statistics of one kernel in a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KernelStatistics {
@@ -381,9 +318,9 @@ impl Recorder {
         encoder
     }
 
-    /// Computes the statistics from the gates' states and the bytes of the timestamps, and returns them with the
-    /// resources for the next solve.
-    pub fn close(self, gate_open: &[u32], times: &[u8]) -> (Statistics, RecorderResources) {
+    /// The GPU's work and the times of the stages, all 0 without timestamps, from the gates' states and the bytes of
+    /// the timestamps; and the resources for the next solve.
+    pub fn close(self, gate_open: &[u32], times: &[u8]) -> (GpuWork, StageTimes, RecorderResources) {
         let mut kernels = vec![KernelStatistics::default(); SOURCES.len()];
         let mut skipped = 0;
         for (gate, statistics) in self.statistics.iter().enumerate() {
@@ -404,10 +341,33 @@ impl Recorder {
                 kernels[*kernel as usize].ms += ms;
             }
         }
-        let (submissions, barriers) = (self.submissions, self.barriers);
-        (
-            Statistics { submissions, barriers, skipped, kernels, stages, ..Statistics::default() },
-            self.recording,
-        )
+        let used = SOURCES.iter().zip(&kernels).filter(|(_, kernel)| kernel.dispatches > 0);
+        let used = used.map(|(source, kernel)| {
+            report!(GpuKernel {
+                name: format!("{} ({})", source.entry, source.parts.join(", ")),
+                dispatches: kernel.dispatches,
+                workgroups: kernel.workgroups,
+                bytes: kernel.bytes,
+                ms: (kernel.ms > 0.0).then_some(kernel.ms),
+            })
+        });
+        let work = report!(GpuWork {
+            gpu_ms: stages.map(|stages| stages.iter().sum()),
+            submissions: self.submissions,
+            skipped: skipped,
+            barriers: self.barriers,
+            kernels: used.collect(),
+        });
+        let [surface, pyramid, prolong, relax, correct, pbd, certify, _] = stages.unwrap_or_default();
+        let times = report!(StageTimes {
+            surface: surface,
+            pyramid: pyramid,
+            prolong: prolong,
+            relax: relax,
+            correct: correct,
+            pbd: pbd,
+            certify: certify,
+        });
+        (work, times, self.recording)
     }
 }

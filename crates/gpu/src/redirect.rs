@@ -1,6 +1,5 @@
 //! redirect: the values of a redirection, in the format that a host asks for, from W⁻¹ at texel centres.
 
-use std::num::NonZeroU64;
 use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
@@ -9,9 +8,9 @@ use super::context::Context;
 #[cfg(test)]
 use super::generated::WgslType;
 use super::generated::structs;
-use super::kernels::{Binding, Kernel, slot};
+use super::kernels::Kernel;
 use super::layout::SPREAD;
-use super::pipelines::Pipeline;
+use super::pipelines::{Pipeline, range};
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::image::format::PixelFormat;
@@ -133,32 +132,13 @@ impl<'a> Redirection<'a> {
             inverse.as_entire_binding(),
             range(memory, band.bytes.start, band.bytes.end - band.bytes.start),
         ];
-        let bind_group = bind_group(self.context, self.pipeline, buffers);
+        let bind_group = self.pipeline.bind_group(&self.context.device, Kernel::Redirect, buffers);
         let workgroups = (band.rows.len() * self.width).div_ceil(64) as u32;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline.pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
     }
-}
-
-fn range(buffer: &wgpu::Buffer, offset: u64, size: u64) -> wgpu::BindingResource<'_> {
-    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size: NonZeroU64::new(size) })
-}
-
-fn bind_group(
-    context: &Context,
-    pipeline: &Pipeline,
-    buffers: [wgpu::BindingResource<'_>; 4],
-) -> wgpu::BindGroup {
-    let numbers = Kernel::Redirect.source().bindings.iter().map(|&binding| Binding::number(binding));
-    debug_assert!(numbers.clone().eq(slot::EXTRA..slot::EXTRA + 4));
-    let entries = numbers.zip(buffers).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource });
-    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("redirect"),
-        layout: &pipeline.layout,
-        entries: &entries.collect::<Vec<_>>(),
-    })
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::context::Context;
 use super::layout::{Chart, Params, node_planes};
 use super::lists::{Gate, MAX_GATES};
 use super::memory::Memory;
-use super::recorder::{Recorder, Statistics};
+use super::recorder::Recorder;
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
 use vrtm_core::allocation::{Vec, boxed};
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
@@ -227,25 +227,20 @@ impl<'a> Run<'a> {
         let wait_ms = milliseconds(waiting);
         let gates: Vec<u32> = parts[1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
         let times: Vec<u8> = parts[3..].iter().flatten().copied().collect();
-        let (statistics, recording) = self.recorder.close(&gates, &times);
+        let (mut work, times, recording) = self.recorder.close(&gates, &times);
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
         let read = |bytes: &[u8]| chart_result(&bytemuck::pod_read_unaligned(bytes));
-        let statistics = Statistics {
-            upload_ms: self.upload_ms,
-            record_ms,
-            wait_ms,
-            bytes_held: self.memory.bytes,
-            ..statistics
-        };
+        (work.upload_ms, work.record_ms, work.wait_ms) = (self.upload_ms, record_ms, wait_ms);
+        work.bytes_held = self.memory.bytes;
         Ok(TileSolution {
             charts: records.map(read).collect(),
             multipliers: parts[2].chunks_exact(4).map(bytemuck::pod_read_unaligned).collect(),
             warp: Warp::Gpu(boxed(Displacements::new(self.context, self.grid.clone(), self.result))),
-            summary: Summary { times: statistics.times(), ..summary },
+            summary: Summary { times, ..summary },
             node_updates: self.node_updates,
             blocks_active: u64::from(self.memory.lists[0].active.count),
-            work: Some(statistics.work()),
+            work: Some(work),
         })
     }
 

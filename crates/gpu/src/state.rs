@@ -34,7 +34,6 @@ impl Run<'_> {
         Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.triangles, 0..bytes)?).into())
     }
 
-    /// The records of the charts.
     pub fn chart_records(&mut self) -> Result<Vec<Chart>> {
         self.recorder.flush();
         let bytes = (self.charts.len() * size_of::<Chart>()) as u64;

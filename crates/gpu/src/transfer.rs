@@ -55,16 +55,11 @@ impl Context {
 
     /// Reads a range of bytes of a buffer with the usage COPY_SRC; both ends are multiples of 4.
     pub fn read(&self, buffer: &wgpu::Buffer, range: Range<u64>) -> Result<Vec<u8>> {
-        self.read_all(&[(buffer, range)]).map(|mut parts| parts.pop().unwrap_or_default())
-    }
-
-    /// Reads ranges of bytes of several buffers as [`Context::read`] does, in one submission and one mapping.
-    pub fn read_all(&self, ranges: &[(&wgpu::Buffer, Range<u64>)]) -> Result<Vec<Vec<u8>>> {
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("readback") };
         let mut encoder = self.device.create_command_encoder(&descriptor);
-        let readback = self.readback(ranges, &mut encoder)?;
+        let readback = self.readback(&[(buffer, range)], &mut encoder)?;
         self.submit([encoder])?;
-        self.taken(&readback)
+        self.taken(&readback).map(|mut parts| parts.pop().unwrap_or_default())
     }
 
     /// Encodes the copies of ranges of bytes into a new staging buffer.

@@ -1,43 +1,19 @@
 //! Tests the rules of acceptance, which exist both in `method/acceptance.rs` and in `shaders/correct/control.wgsl`, on
 //! a table of inputs.
 
-use bytemuck::{Pod, Zeroable};
-
 use crate::context::tests::{computed, gpu};
 use crate::identity::is_software;
 use crate::kernels::Kernel;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Options;
-use vrtm_core::method::acceptance::{Correction, Gain};
+use vrtm_core::method::acceptance::{Correction, Gain, Real};
 
-/// A row of the table; `Case` in WGSL.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Case {
-    before: f32,
-    after: f32,
-    identity: f32,
-    predicted: f32,
-    cut: f32,
-    fraction: f32,
-    tolerance: f32,
-    /// 1 for a first correction whose model is trusted.
-    trusted: u32,
-}
+/// A row of the table: the fields of `Gain`, in their order; the tolerance; and 1 for a first correction whose model is
+/// trusted.
+type Case = [f32; 8];
 
 const ENTRY: &str = "
-struct Case {
-    before: f32,
-    after: f32,
-    identity: f32,
-    predicted: f32,
-    cut: f32,
-    fraction: f32,
-    tolerance: f32,
-    trusted: u32,
-}
-
-@group(0) @binding(20) var<storage, read> cases: array<Case>;
+@group(0) @binding(20) var<storage, read> cases: array<array<f32, 8>>;
 @group(0) @binding(21) var<storage, read_write> decisions: array<vec2f>;
 
 @compute @workgroup_size(64)
@@ -46,8 +22,8 @@ fn run_cases(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let c = cases[id.x];
-    let gain = Gain(c.before, c.after, c.identity, c.predicted, c.cut, c.fraction);
-    let next = next_fraction(gain, c.tolerance, c.trusted == 1u);
+    let gain = Gain(c[0], c[1], c[2], c[3], c[4], c[5]);
+    let next = next_fraction(gain, c[6], c[7] == 1.0);
     decisions[id.x] = vec2f(next, select(0.0, 1.0, suffices(gain)));
 }
 ";
@@ -62,19 +38,10 @@ fn table() -> Vec<Case> {
                     for (fraction, cut) in
                         [(1.0f32, 0.0f32), (1.0, 3e-3), (1.0, 0.7), (0.29, 0.0), (0.011, 0.4)]
                     {
-                        for (tolerance, trusted) in [(3e-3, 1), (3e-3, 0), (1e-4, 0), (0.07, 1)] {
+                        for (tolerance, trusted) in [(3e-3, 1.0), (3e-3, 0.0), (1e-4, 0.0), (0.07, 1.0)] {
                             let predicted = before * (gain + error).max(0.0);
                             let (after, identity) = (before - before * gain, before * identity);
-                            all.push(Case {
-                                before,
-                                after,
-                                identity,
-                                predicted,
-                                cut,
-                                fraction,
-                                tolerance,
-                                trusted,
-                            });
+                            all.push([before, after, identity, predicted, cut, fraction, tolerance, trusted]);
                         }
                     }
                 }
@@ -84,13 +51,14 @@ fn table() -> Vec<Case> {
     all
 }
 
-/// The results of the CPU's rules in f32.
-fn expected(case: &Case) -> [f32; 2] {
-    let &Case { before, after, identity, predicted, cut, fraction, tolerance, trusted } = case;
-    let correction =
-        Correction { first: trusted == 1, iterations: 2, sweeps: 0, tolerance, trusts_model: true };
+/// The results of the CPU's rules, in one of two precisions.
+fn expected<F: Real>(case: &Case) -> (F, bool) {
+    let &[before, after, identity, predicted, cut, fraction, tolerance, trusted] = case;
+    let first = trusted == 1.0;
+    let correction = Correction { first, iterations: 2, sweeps: 0, tolerance, trusts_model: true };
+    let [before, after, identity, predicted, cut] = [before, after, identity, predicted, cut].map(F::from);
     let gain = Gain { before, after, identity, predicted, cut, fraction };
-    [correction.next_fraction(&gain), f32::from(u8::from(gain.suffices()))]
+    (correction.next_fraction(&gain), gain.suffices())
 }
 
 #[test]
@@ -106,10 +74,11 @@ fn both_backends_decide_alike() {
     let tolerance = if is_software(&context.adapter) { 0.0 } else { 1e-6 };
     let mut between = 0;
     for (case, found) in cases.iter().zip(&found) {
-        let expected = expected(case);
-        let near = (found[0] - expected[0]).abs() <= tolerance;
-        assert!(near && found[1] == expected[1], "{case:?}: {found:?}, on the CPU {expected:?}");
-        between += u32::from(expected[0] > 0.0 && expected[0] < 1.0);
+        let (next, suffices) = expected::<f32>(case);
+        let near = (found[0] - next).abs() <= tolerance;
+        let same = near && found[1] == f32::from(u8::from(suffices));
+        assert!(same, "{case:?}: {found:?}, on the CPU {next} {suffices}");
+        between += u32::from(next > 0.0 && next < 1.0);
     }
     // Some inputs fall inside the ramps, not only at their ends.
     assert!(between > 100, "{between} of {}", cases.len());
@@ -119,25 +88,9 @@ fn both_backends_decide_alike() {
 #[test]
 fn both_precisions_decide_alike() {
     for case in table() {
-        let [next, suffices] = expected(&case);
-        let correction = Correction {
-            first: case.trusted == 1,
-            iterations: 2,
-            sweeps: 0,
-            tolerance: case.tolerance,
-            trusts_model: true,
-        };
-        let gain = Gain {
-            before: f64::from(case.before),
-            after: f64::from(case.after),
-            identity: f64::from(case.identity),
-            predicted: f64::from(case.predicted),
-            cut: f64::from(case.cut),
-            fraction: case.fraction,
-        };
-        let in_f64 = correction.next_fraction(&gain);
+        let ((next, suffices), in_f64) = (expected::<f32>(&case), expected::<f64>(&case));
         // A gain is a difference of two energies of 24 bits, in units of the tolerance of 1e-4.
-        assert!((f64::from(next) - in_f64).abs() < 2e-3, "{case:?}: {next}, in f64 {in_f64}");
-        assert_eq!(suffices, f32::from(u8::from(gain.suffices())), "{case:?}");
+        assert!((f64::from(next) - in_f64.0).abs() < 2e-3, "{case:?}: {next}, in f64 {}", in_f64.0);
+        assert_eq!(suffices, in_f64.1, "{case:?}");
     }
 }

@@ -76,7 +76,6 @@ fn push(centre: [f32; 2], radius: f32, by: [f32; 2]) -> impl Fn(usize, usize) ->
     }
 }
 
-/// Uploads displacements.
 fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]]) -> Displacements {
     let records = block_records(grid, 0, 0..u.len());
     let storage = wgpu::BufferUsages::STORAGE;

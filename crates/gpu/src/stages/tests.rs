@@ -8,41 +8,20 @@ use crate::context::tests::gpu;
 use crate::state::STATE_PLANES;
 use vrtm_core::backend::Options;
 use vrtm_core::backend::TileSolution;
-use vrtm_core::fixtures::{discs, maps, sheet};
-use vrtm_core::grid::Grid;
+use vrtm_core::fixtures::{Posed, discs, maps};
 use vrtm_core::grid::planes::NODES;
-use vrtm_core::grid::pose::Pose;
 use vrtm_core::method::acceptance::Correction;
-use vrtm_core::method::plan::{Input, Summary};
+use vrtm_core::method::plan::Summary;
 use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::settings::TileSettings;
 
 /// Solves level 0 of a stretched sheet, lets `change` alter its state, and certifies it. Returns the outcome, and
 /// whether any node moved.
 fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])) -> (TileSolution, bool) {
-    let mesh = sheet(8, |u, v| [u, v, 0.0]);
-    let tile = &mesh.tiles[0];
-    let maps = maps(64, TileSettings::default(), discs);
-    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
-    let mut memory = Memory::new(context, &grid, &[tile]).unwrap();
-    let moved = |v: u32| {
-        let p = [f64::from(v % 9) / 8.0, f64::from(v / 9) / 8.0];
-        [p[0] + 0.4 * p[0] * p[0], p[1], 0.1 * p[0] * p[1]]
-    };
-    let pose = Pose::new(tile, moved, Some(&grid.rest));
-    let settings = &maps.settings;
-    let input = Input {
-        grid: &grid,
-        mesh: tile,
-        pose: &pose,
-        settings,
-        harm: 0.0,
-        multipliers: &[],
-        charts: &[true],
-        continuation: 1.0,
-        pull: 0.0,
-    };
-    let mut run = Run::new(&input, &mut memory, None, &[false], None).unwrap();
+    let moved = |u: f64, v: f64| [u + 0.4 * u * u, v, 0.1 * u * v];
+    let sheet = Posed::new(8, maps(64, TileSettings::default(), discs), moved);
+    let mut memory = Memory::new(context, &sheet.grid, &[sheet.tile()]).unwrap();
+    let mut run = Run::new(&sheet.input(), &mut memory, None, &[false], None).unwrap();
     run.run(&Stage::Surface);
     run.run(&Stage::Pyramid { coarsest: 8 });
     run.run(&Stage::Start { level: 0, from: Start::Identity });
