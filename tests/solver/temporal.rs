@@ -56,11 +56,11 @@ struct Figures {
     ms: f32,
 }
 
-fn play(model: &Model, options: &SolveOptions, grid: u32) -> (Vec<Warp>, f64, f32) {
+fn play(model: &Model, options: &SolveOptions, grid: u32, resting: usize) -> (Vec<Warp>, f64, f32) {
     let mut asset = model.asset(1, grid);
     let mut ms = 0.0;
     let (mut strain, mut warps) = (0.0, Vec::new());
-    for frame in 0..=MOVING + RESTING {
+    for frame in 0..=MOVING + resting {
         let t = 0.8 + 0.1 * frame.min(MOVING) as f64 / MOVING as f64;
         let options = SolveOptions { measure: frame == MOVING, ..*options };
         warps.push(solved(&mut asset, &pose(model, t), &options));
@@ -112,8 +112,8 @@ fn jitter_falls_and_lag_grows_with_the_weight() {
     let models = long::share(models, 7, "models");
     println!("{} of {} weights; VRTM_LONG_TESTS=1 shows all", weights.len(), WEIGHTS.len());
     let rows = on_all_cores(&models, |model| {
-        let stateless = play(model, &SolveOptions::default(), 128);
-        let of = |weight: f32| figures(&stateless.0, play(model, &held(weight), 128));
+        let stateless = play(model, &SolveOptions::default(), 128, RESTING);
+        let of = |weight: f32| figures(&stateless.0, play(model, &held(weight), 128, RESTING));
         (
             figures(&stateless.0, stateless.clone()),
             weights.iter().map(|&weight| of(weight)).collect::<Vec<_>>(),
@@ -146,9 +146,9 @@ fn jitter_falls_and_lag_grows_with_the_weight() {
 fn the_lag_is_that_of_any_grid() {
     let model = Model::from(arm());
     let late = |grid: u32| {
-        let stateless = play(&model, &SolveOptions::default(), grid).0;
+        let stateless = play(&model, &SolveOptions::default(), grid, 0).0;
         let [free, held] =
-            [0.0, 0.3].map(|weight| figures(&stateless, play(&model, &held(weight), grid)).lag);
+            [0.0, 0.3].map(|weight| figures(&stateless, play(&model, &held(weight), grid, 0)).lag);
         held - free
     };
     let grids = if long::only("the grid of 192 cells") { vec![96, 192, 128] } else { vec![96, 128] };

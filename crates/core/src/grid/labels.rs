@@ -68,7 +68,8 @@ fn finest(team: &Team, level: &Level, movable: &[NodeSet], triangle: &[Plane<u32
     };
     let largest: Vec<u16> = level.blocks.of_chart.iter().map(largest).collect();
     let rigid = team.map(triangle.len(), |b| {
-        let least = largest[level.blocks.list[b].chart as usize] / 2;
+        // Half of the largest is no code of its own where that is odd, and is stored as the next one.
+        let least = largest[level.blocks.list[b].chart as usize].div_ceil(2);
         let mut nodes = NodeSet::EMPTY;
         if level.rigidity[b].iter().any(|code| *code > least) {
             let codes = level.rigidity[b].iter().zip(&triangle[b]).enumerate();
@@ -296,5 +297,16 @@ mod tests {
         }
         // A disc, seven rings and four arcs at each corner. The speck has too few edges.
         assert_eq!(grid.features.count, 24);
+    }
+
+    /// Outlines that are half covered, as those of a map on a grid of half its size are, join nothing.
+    #[test]
+    fn half_rigid_nodes_are_in_no_feature() {
+        let mesh = sheet(4, |u, v| [u, v, 0.0]);
+        for largest in [1.0, 0.4, 0.7] {
+            let bars = |u: f64, _: f64| largest * f64::from((u * 8.0).fract() < 0.4).max(0.5);
+            let grid = Grid::new(&mesh, &mesh.tiles[0], &maps(64, TileSettings::default(), bars));
+            assert_eq!(grid.features.count, 8, "{largest}");
+        }
     }
 }
