@@ -147,7 +147,7 @@ test("it fits a phone, and has a second scene", { skip, timeout }, async () => {
 
 test("the worker answers in order, with errors", { skip, timeout }, async () => {
   const page = await browser.newPage();
-  await page.goto(served.url);
+  await page.goto(`${served.url}worker.js`);
   const said = await page.evaluate(async () => {
     const worker = () => new Worker("worker.js", { type: "module" });
     const ask = (worker, questions) =>
