@@ -144,7 +144,7 @@ impl App {
                 "quality": format!("{:?}", request.quality).to_lowercase(),
                 "panes": self.look.redirected(), "shown": format!("{:?}", self.look.shown).to_lowercase(),
             });
-            self.trace.event("drawn", facts);
+            self.trace.once_seen("drawn", facts);
         }
     }
 }

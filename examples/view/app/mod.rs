@@ -369,6 +369,7 @@ impl App {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let scale = ui.ctx().pixels_per_point();
+        self.trace.begin_frame(ui.ctx());
         self.hear();
         if ui.input_mut(|i| i.consume_key(Modifiers::COMMAND, Key::Q)) {
             ui.ctx().send_viewport_cmd(ViewportCommand::Close);
@@ -385,7 +386,7 @@ impl eframe::App for App {
         self.ask(moving);
         self.ask_question(ui, scale);
         self.dialog(ui, frame);
-        self.trace.end_frame();
+        self.trace.end_frame(ui.ctx());
     }
 
     fn on_exit(&mut self) {

@@ -39,10 +39,9 @@ fn start(name: &str) -> Option<(Server, PathBuf)> {
     None
 }
 
-/// Chooses what to save from its menu.
-fn save(view: &mut Program, what: &str) {
-    view.click("save");
-    view.wait("layout", |event| event["widgets"][what].is_array());
+/// Chooses from a menu.
+fn choose(view: &Program, menu: &str, what: &str) {
+    view.click(menu);
     view.click(what);
 }
 
@@ -80,7 +79,7 @@ fn the_timeline_the_panes_and_the_quality() {
     assert!(jug.differing(&at_rest) > 0.1, "the picture did not change");
 
     // The saved picture is what the window shows, without what lies over it.
-    save(&mut view, "save picture");
+    choose(&view, "save", "save picture");
     view.wait("saved", |_| true);
     let saved = Shot::open(&folder.join("mug_to_jug_0121.png"));
     assert_eq!(saved.size, [area[2] - area[0], area[3] - area[1]]);
@@ -158,12 +157,10 @@ fn seams_that_continue() {
     let area = view.widget("view");
     let shut = server.shot().cut(area);
     view.click("Seams");
-    view.wait("layout", |event| event["widgets"]["Seams Continue"].is_array());
     view.click("Seams Continue");
     let continued = view.wait("solve", |event| is_final(event, 121) && event["edit"] != solved["edit"]);
     assert!(continued["folds"] == 0 && rms(&continued)[1] < 1.1 * rms(&solved)[1], "{continued}");
     view.wait("drawn", |event| is_final(event, 121) && event["edit"] == continued["edit"]);
-    view.move_away();
     // Most of the surface is far from any seam.
     let share = server.shot().cut(area).differing(&shut);
     assert!((1e-4..0.2).contains(&share), "{share} of the pixels differ");
@@ -266,7 +263,6 @@ fn the_brush_and_what_is_saved() {
     let area = view.widget("view");
     view.click("brush");
     view.wait("layout", |event| event["widgets"]["radius"].is_array());
-    view.move_away();
     let before = server.shot().cut(area);
 
     // A stroke in the middle changes the picture there and nowhere else, and what it makes rigid keeps its shape.
@@ -289,7 +285,7 @@ fn the_brush_and_what_is_saved() {
     assert!(old > 0.3 && new < 0.25 * old, "strain of what was painted: {old} -> {new}");
 
     // The map is saved: white where the brush was, black elsewhere.
-    save(&mut view, "save rigidity maps");
+    choose(&view, "save", "save rigidity maps");
     view.wait("saved", |_| true);
     let path = folder.join("rest_rigidity.1001.png");
     let map = image::open(&path).expect("a PNG").into_luma8();
@@ -300,13 +296,12 @@ fn the_brush_and_what_is_saved() {
     );
     // Nothing is replaced unless the user says so.
     std::fs::write(&path, "mine").expect("written");
-    save(&mut view, "save rigidity maps");
+    choose(&view, "save", "save rigidity maps");
     view.wait("layout", |event| event["widgets"]["keep"].is_array());
     view.click("keep");
     view.wait("layout", |event| event["widgets"]["keep"].is_null());
     assert_eq!(std::fs::read(&path).expect("read"), b"mine");
-    save(&mut view, "save rigidity maps");
-    view.wait("layout", |event| event["widgets"]["replace"].is_array());
+    choose(&view, "save", "save rigidity maps");
     view.click("replace");
     view.wait("saved", |_| true);
     assert_eq!(image::open(&path).expect("a PNG").into_luma8(), map);
@@ -314,11 +309,10 @@ fn the_brush_and_what_is_saved() {
     view.click("undo");
     view.wait("solve", |event| is_final(event, 25) && event["strain"].is_null());
     view.wait("drawn", |event| is_final(event, 25));
-    view.move_away();
     let undone = server.shot().cut(area).changes(&before).len();
     assert_eq!(undone, 0, "pixels differ after undoing");
 
-    save(&mut view, "save clip");
+    choose(&view, "save", "save clip");
     view.wait("saved", |_| true);
     let file = std::fs::File::open(folder.join("rest_clip.png")).expect("a clip");
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");
@@ -347,12 +341,7 @@ fn dialogs_open_files_and_say_where_there_are_none() {
     let [rest, wide] = sheet(&folder);
     let mut view = Program::start(&server, &folder, &["--rest", &rest, "--size", SIZE]);
     view.wait("drawn", |event| event["purpose"] == "final");
-    let choose = |view: &mut Program, what: &str| {
-        view.click("open");
-        view.wait("layout", |event| event["widgets"][what].is_array());
-        view.click(what);
-    };
-    choose(&mut view, "mesh at rest...");
+    choose(&view, "open", "mesh at rest...");
     let notice = view.wait("notice", |_| true);
     assert!(notice["text"].as_str().expect("a text").starts_with("no file dialog here"), "{notice}");
     // A program in the place of zenity, which the dialogs fall back to, chooses.
@@ -363,11 +352,11 @@ fn dialogs_open_files_and_say_where_there_are_none() {
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("a program");
     };
     chooses(&wide);
-    choose(&mut view, "mesh at rest...");
+    choose(&view, "open", "mesh at rest...");
     let opened = view.wait("open", |event| event["name"] == "wide");
     assert_eq!(opened["poses"], 0);
     chooses(&rest);
-    choose(&mut view, "poses...");
+    choose(&view, "open", "poses...");
     view.wait("open", |event| event["poses"] == 1);
     view.wait("drawn", |event| event["purpose"] == "final");
     view.quit();
@@ -382,7 +371,6 @@ fn a_missing_file_is_named_in_the_window() {
     assert!(text.starts_with("no/such/folder") && text.contains("No such file"), "{text}");
     // The window still works: a scene can be opened from its menu.
     view.click("open");
-    view.wait("layout", |event| event["widgets"]["scene squash"].is_array());
     view.click("scene squash");
     view.wait("drawn", |event| is_final(event, 25));
     view.quit();

@@ -20,6 +20,18 @@ pub struct Program {
     passed: usize,
 }
 
+/// Tries until there is something.
+fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = found() {
+            return found;
+        }
+        assert!(start.elapsed() < PATIENCE, "{what} in {PATIENCE:?}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
 /// True if a program is in the path.
 pub fn is_there(name: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
@@ -46,11 +58,9 @@ impl Program {
             .stderr(Stdio::inherit())
             .spawn()
             .expect("the program starts");
-        let mut program = Program { child, display: server.display.clone(), trace, passed: 0 };
+        let program = Program { child, display: server.display.clone(), trace, passed: 0 };
         // Before the window is on the screen, clicks are lost.
-        program.wait("layout", |_| true);
-        program.passed = 0;
-        program.xdotool(&["search", "--sync", "--onlyvisible", "--name", "^vrtm", "sleep", "0.5"]);
+        program.xdotool("search --sync --onlyvisible --name ^vrtm");
         program
     }
 
@@ -64,122 +74,89 @@ impl Program {
 
     /// Waits for an event after those that were waited for before.
     pub fn wait(&mut self, name: &str, fits: impl Fn(&Value) -> bool) -> Value {
-        let start = Instant::now();
-        loop {
-            let found = self
-                .events()
-                .enumerate()
-                .skip(self.passed)
-                .find(|(_, event)| event["event"] == name && fits(event));
-            if let Some((k, event)) = found {
-                // Of what follows a solve, its picture may come in the same moment.
-                self.passed = k + 1;
-                return event;
-            }
-            if let Ok(Some(status)) = self.child.try_wait() {
-                panic!("the program ended with {status} before \"{name}\"");
-            }
-            if start.elapsed() > PATIENCE {
-                let last: Vec<_> = self.events().filter(|event| event["event"] != "layout").collect();
-                let last = &last[last.len().saturating_sub(6)..];
-                panic!("no such \"{name}\" in {PATIENCE:?}; the last events were {last:#?}");
-            }
-            std::thread::sleep(Duration::from_millis(30));
-        }
+        let (k, event) = until(&format!("no such \"{name}\""), || {
+            let ended = self.child.try_wait().expect("a status");
+            let fits = |(_, event): &(usize, Value)| event["event"] == name && fits(event);
+            let found = self.events().enumerate().skip(self.passed).find(fits);
+            assert!(found.is_some() || ended.is_none(), "the program ended before \"{name}\": {ended:?}");
+            found
+        });
+        // Of what follows a solve, its picture may come in the same moment.
+        self.passed = k + 1;
+        event
     }
 
-    /// Place of a widget now: left, top, right, bottom in pixels.
+    /// Place of a widget in the last frame on the screen: left, top, right, bottom in pixels.
     pub fn widget(&self, name: &str) -> [u32; 4] {
-        let layouts: Vec<_> = self.events().filter(|event| event["event"] == "layout").collect();
-        let rect = layouts.last().map(|event| event["widgets"][name].clone()).unwrap_or_default();
-        assert!(rect.is_array(), "no widget \"{name}\"");
-        [0, 1, 2, 3].map(|k| rect[k].as_f64().expect("a number") as u32)
+        until(&format!("no widget \"{name}\""), || {
+            let layout = self.events().filter(|event| event["event"] == "layout").last()?;
+            let rect = layout["widgets"][name].as_array()?;
+            Some([0, 1, 2, 3].map(|k| rect[k].as_f64().expect("a number") as u32))
+        })
+    }
+
+    /// Gives a command to the mouse, and waits until the window shows a frame with it there, pressed or not.
+    fn mouse(&self, words: &str, name: &str, place: [u32; 2]) {
+        self.xdotool(words);
+        until(&format!("no {name} at {place:?}"), || (self.widget(name)[..2] == place).then_some(()));
+    }
+
+    fn move_to(&self, name: &str, [x, y]: [u32; 2]) {
+        self.mouse(&format!("mousemove {x} {y}"), name, [x, y]);
     }
 
     /// Clicks on a widget, once it stays where it is.
-    pub fn click(&mut self, name: &str) {
-        let mut place = self.widget(name);
-        loop {
-            std::thread::sleep(Duration::from_millis(300));
-            let now = self.widget(name);
-            if now == place {
-                break;
-            }
-            place = now;
+    pub fn click(&self, name: &str) {
+        let middle = || {
+            let [left, top, right, bottom] = self.widget(name);
+            [(left + right) / 2, (top + bottom) / 2]
+        };
+        let mut place = [0; 2];
+        while place != middle() {
+            place = middle();
+            self.move_to("mouse", place);
         }
-        let [left, top, right, bottom] = place;
-        let [x, y] = [(left + right) / 2, (top + bottom) / 2].map(|x| x.to_string());
-        self.xdotool(&[
-            "mousemove",
-            &x,
-            &y,
-            "sleep",
-            "0.15",
-            "mousedown",
-            "1",
-            "sleep",
-            "0.15",
-            "mouseup",
-            "1",
-        ]);
-        // What only the mouse over a widget shows goes away. A move in the same pass over the window would undo the
-        // click.
-        std::thread::sleep(Duration::from_millis(400));
+        self.mouse("mousedown 1", "pressed mouse", place);
+        self.mouse("mouseup 1", "mouse", place);
+        // What only the mouse over a widget shows goes away.
         self.move_away();
     }
 
     /// Drags from the first point through all others.
-    pub fn drag(&mut self, points: &[[u32; 2]]) {
-        let mut words: Vec<String> = Vec::new();
-        for (k, point) in points.iter().enumerate() {
-            words.extend(["mousemove".into(), point[0].to_string(), point[1].to_string()]);
-            words.extend(["sleep".into(), "0.06".into()]);
-            if k == 0 {
-                words.extend(["mousedown".into(), "1".into(), "sleep".into(), "0.1".into()]);
-            }
+    pub fn drag(&self, points: &[[u32; 2]]) {
+        self.move_to("mouse", points[0]);
+        self.mouse("mousedown 1", "pressed mouse", points[0]);
+        for &point in points {
+            self.move_to("pressed mouse", point);
         }
-        words.extend(["sleep", "0.1", "mouseup", "1"].map(String::from));
-        self.xdotool(&words.iter().map(String::as_str).collect::<Vec<_>>());
+        self.mouse("mouseup 1", "mouse", points[points.len() - 1]);
     }
 
     /// Moves the mouse to where it touches nothing: the line at the bottom.
     pub fn move_away(&self) {
-        self.xdotool(&["mousemove", "700", "612", "sleep", "0.1"]);
+        self.move_to("mouse", [700, 612]);
     }
 
     /// Closes the window by its key; the program must end by itself.
     pub fn quit(mut self) {
-        self.xdotool(&[
-            "search",
-            "--onlyvisible",
-            "--name",
-            "^vrtm",
-            "windowfocus",
-            "sleep",
-            "0.2",
-            "key",
-            "ctrl+q",
-        ]);
-        let start = Instant::now();
-        let status = loop {
-            match self.child.try_wait().expect("a status") {
-                Some(status) => break status,
-                None if start.elapsed() > PATIENCE => panic!("the window does not close"),
-                None => std::thread::sleep(Duration::from_millis(30)),
-            }
-        };
+        self.xdotool("search --onlyvisible --name ^vrtm windowfocus --sync key ctrl+q");
+        let status = until("the window does not close", || self.child.try_wait().expect("a status"));
         assert!(status.success(), "{status}");
         assert_eq!(self.events().last().map(|event| event["event"].clone()), Some("close".into()));
     }
 
-    fn xdotool(&self, words: &[&str]) {
-        let done = Command::new("xdotool").args(words).env("DISPLAY", &self.display).status();
+    fn xdotool(&self, words: &str) {
+        let done = Command::new("xdotool").args(words.split(' ')).env("DISPLAY", &self.display).status();
         assert!(done.expect("xdotool starts").success(), "xdotool {words:?}");
     }
 }
 
 impl Drop for Program {
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            let last: Vec<_> = self.events().filter(|event| event["event"] != "layout").collect();
+            eprintln!("the last events were {:#?}", &last[last.len().saturating_sub(6)..]);
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -36,6 +36,9 @@ impl Server {
 
     /// The screen, once it no longer changes.
     pub fn shot(&self) -> Shot {
+        // The server answers after what the window has sent.
+        let asked = Command::new("xdotool").arg("getmouselocation").env("DISPLAY", &self.display).output();
+        assert!(asked.is_ok_and(|said| said.status.success()), "the X server does not answer");
         let start = Instant::now();
         let mut last = self.read();
         loop {
