@@ -127,31 +127,3 @@ class Pieces(Case):
         for one, other, same in ((0, 20, True), (0, 40, False), (20, 60, False)):
             apart, rest = (np.linalg.norm(of[one] - of[other]) for of in (joined, own))
             self.assertEqual(abs(apart / rest - 1) < 1e-5, same)
-
-    def test_parts_and_feet(self):
-        connected, feet = part("carriers").connected, part("carriers").feet
-        rng = np.random.default_rng(3)
-        points, order = rng.random((400, 3)), rng.permutation(400)
-        # Three chains, by edges in any order, and a vertex at the place of another one.
-        ends = [order[:100], order[100:300], order[300:399]]
-        edges = np.concatenate([np.stack([chain[:-1], chain[1:]], -1) for chain in ends])
-        edges = rng.permutation(edges)
-        points[order[399]] = points[ends[1][7]]
-        found = connected(points, edges)
-        self.assertEqual(sorted(set(found)), [0, 1, 2])
-        for chain in ends:
-            self.assertEqual(len(set(found[chain])), 1)
-        self.assertEqual(found[order[399]], found[ends[1][0]])
-        self.assertEqual(sorted(connected(points[:3], np.zeros((0, 2), int))), [0, 1, 2])
-        # A leaning spike stands where its tip is not, and a flat scale on all of itself.
-        skin, triangles = np.array([(-9.0, -9, 0), (9, -9, 0), (0, 9, 0)]), np.array([[0, 1, 2]])
-        spike = np.linspace((1, 0, -0.01), (3, 0, 4), 60)
-        scale = np.array([(x, y, 0.1 + 1e-3 * x) for x in (-1, 1) for y in (-1, 1)])
-        parts = np.repeat([0, 1], [60, 4])
-        (x, _, z), flat = feet(np.concatenate([spike, scale]), parts, 1.0, skin, triangles)
-        self.assertLess(abs(x - 1), 0.2)
-        self.assertLess(z, 0.4)
-        np.testing.assert_allclose(flat, scale.mean(0))
-        # What is far from the skin has no foot.
-        spike[:, 2] += 3
-        np.testing.assert_allclose(feet(spike, parts[:60], 1.0, skin, triangles)[0], spike.mean(0))

@@ -6,22 +6,20 @@ from support import Arm, Case, bpy, part, quads, read
 
 
 def sheet(n=8):
-    """A square of quads and, at its end, two triangles: corners, counts, UVs, positions."""
+    """A square of quads and, at its end, two triangles: its topology and positions."""
     x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], -1).astype(np.float32)
     faces = quads(n)
     corners = np.concatenate([faces[:-1].ravel(), faces[-1][[0, 1, 2]], faces[-1][[0, 2, 3]]]).astype(np.uint32)
     counts = np.array([4] * (len(faces) - 1) + [3, 3], np.uint32)
-    return corners, counts, points[corners][:, :2] * [0.5, 0.25] + 0.1, points
+    return part("geometry").Topology(
+        corners, counts, points[corners][:, :2] * [0.5, 0.25] + 0.1, len(points), b""
+    ), points
 
 
 class Strain(Case):
-    def setUp(self):
-        super().setUp()
-        self.strain = part("strain")
-
     def test_a_sheet_that_is_stretched(self):
-        corners, counts, uvs, rest = sheet()
+        topology, rest = sheet()
         turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
         for along, across, expected in (
             (1, 1, 0),
@@ -30,28 +28,28 @@ class Strain(Case):
             (1.1, 1.3, np.log(1.3)),
         ):
             pose = (rest * [along, across, 1]) @ turn
-            found = self.strain.of_vertices(corners, counts, uvs, rest, pose, None)
+            found = part("strain").of_vertices(topology, rest, pose, None)
             self.assertLess(np.abs(found - expected).max(), 1e-5)
 
     def test_a_redirection_takes_it_away(self):
-        corners, counts, uvs, rest = sheet()
+        topology, rest = sheet()
         pose = rest * [1.5, 0.8, 1]
         # What is stretched by 1.5 shows 1.5 times as much of the texture: then nothing is strained.
         whole = lambda at: np.broadcast_to(np.diag([1.5, 0.8]), (len(at), 2, 2)).copy()  # noqa: E731
-        self.assertLess(np.abs(self.strain.of_vertices(corners, counts, uvs, rest, pose, whole)).max(), 1e-5)
+        self.assertLess(np.abs(part("strain").of_vertices(topology, rest, pose, whole)).max(), 1e-5)
         part_ = lambda at: np.broadcast_to(np.diag([1.2, 0.8]), (len(at), 2, 2)).copy()  # noqa: E731
-        found = self.strain.of_vertices(corners, counts, uvs, rest, pose, part_)
+        found = part("strain").of_vertices(topology, rest, pose, part_)
         self.assertLess(np.abs(found - np.log(1.5 / 1.2)).max(), 1e-5)
 
     def test_what_has_no_area_is_left_out(self):
-        corners, counts, uvs, rest = sheet()
+        topology, rest = sheet()
         flat = rest.copy()
         flat[:9] = flat[0]
-        found = self.strain.of_vertices(corners, counts, uvs, flat, flat, lambda at: np.zeros((len(at), 2, 2)))
+        found = part("strain").of_vertices(topology, flat, flat, lambda at: np.zeros((len(at), 2, 2)))
         self.assertTrue(np.isfinite(found).all())
 
     def test_colours(self):
-        found = self.strain.colours(np.array([0, 5, -5, 0.1]))
+        found = part("strain").colours(np.array([0, 5, -5, 0.1]))
         self.assertEqual(found.shape, (4, 4))
         self.assertTrue((found[0, :3] == found[0, 0]).all())
         self.assertGreater(found[1, 0], found[1, 2] + 0.5)

@@ -165,10 +165,8 @@ class Bake(FrameBake):
             ]
         check_free(outputs, self.overwrite)
         self.planned = {path for path, _ in outputs}
-        from vrtm.bake import staging
-
         # Files that killed bakes have left.
-        staging.sweep(str(self.folder))
+        session.library("vrtm.bake.staging").sweep(str(self.folder))
 
     def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
         asset, layout, parts = self._prepared(obj)
@@ -201,10 +199,8 @@ class Bake(FrameBake):
 
 def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:
     """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all."""
-    from vrtm.bake import staging
-
     try:
-        staging.write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
+        session.library("vrtm.bake.staging").write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
     except OSError as error:
         raise Problem(f"{path} cannot be written: {error.strerror or error}") from error
 
@@ -212,9 +208,7 @@ def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:
 def check_free(outputs: list[tuple[str, str]], overwriting: bool) -> None:
     """Raises a Problem if an output, a path with the name of its object, replaces what is not a bake's, unless
     `overwriting`, or what the open file reads."""
-    session.library()
-    from vrtm.bake import overwrite
-
+    overwrite = session.library("vrtm.bake.overwrite")
     try:
         overwrite.check(outputs, _read_files(), overwriting)
     except overwrite.Conflict as conflict:

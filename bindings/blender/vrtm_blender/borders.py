@@ -40,14 +40,8 @@ def chosen(obj: bpy.types.Object) -> Borders:
         if settings.goes_on and settings.open_borders == AUTO:
             why += ", and other vertices are where the mesh ends"
     else:
-        found, why = (
-            (settings.seams_found, "fixed"),
-            f"{ends[0]} is not dilated"
-            if ends
-            else "Keep Direction is on"
-            if looked_up
-            else "no texture is redirected",
-        )
+        why = "Keep Direction is on" if looked_up else "no texture is redirected"
+        found, why = (settings.seams_found, "fixed"), f"{ends[0]} is not dilated" if ends else why
         if settings.seams == AUTO and settings.seams_why:
             why += f"; {settings.seams_why}"
     seams, open_borders = (
@@ -68,9 +62,7 @@ def leave_open(obj: bpy.types.Object) -> None:
 def find_ends(obj: bpy.types.Object, scene: bpy.types.Scene) -> None:
     """Notes in the settings if other vertices, of the mesh or of other objects, lie at the ends of the mesh: sliding
     textures would come apart there."""
-    session.library()
-    from vrtm import borders
-
+    borders = session.library("vrtm.borders")
     own, topology = _rest(obj), geometry.topology(obj)
     near = NEAR * max(float(np.ptp(own, axis=0).max(initial=0)), 1e-30)
     others = [other for other in scene.objects if other.type == "MESH" and other != obj]
@@ -82,7 +74,5 @@ def find_ends(obj: bpy.types.Object, scene: bpy.types.Scene) -> None:
 
 def _rest(obj: bpy.types.Object) -> np.ndarray:
     """(vertices, 3) float64: the mesh without modifiers, in the scene."""
-    points = np.empty(3 * len(obj.data.vertices), np.float32)
-    obj.data.vertices.foreach_get("co", points)
     matrix = np.array(obj.matrix_world)
-    return points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return geometry.positions(obj.data).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

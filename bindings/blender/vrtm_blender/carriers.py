@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from mathutils.bvhtree import BVHTree
 
 from . import session
 
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
 
 # States of a carrier's points: on a chart, outside of all, in folded UVs, and too far from the surface.
 BOUND, OUTSIDE, FOLDED, TOO_FAR = range(4)
-# A part's foot is all that is at most this share of its radius farther from the skin than its nearest vertex.
-FOOT = 0.25
 
 
 @dataclass(frozen=True)
@@ -72,8 +69,9 @@ class Carriers:
         # By uid: the places that are bound, (roots, 3): all of them, or one for each part.
         self._roots = {thing.uid: thing.places for thing in given.things}
         for thing in [thing for thing in given.things if thing.parts is not None]:
-            triangles = topology.corner_vertices[session.topology().fans(topology.face_counts)]
-            self._roots[thing.uid] = feet(thing.places, thing.parts, thing.farthest, rest, triangles)
+            of = session.library("vrtm.bake.carry_parts")
+            skin = of.Nearest(rest[topology.corner_vertices[topology.triangles]].astype(np.float64))
+            self._roots[thing.uid] = of.feet(thing.places, thing.places, thing.parts, skin)
         # By uid: how each place is bound, (places,) int32.
         self.states: dict[int, np.ndarray] = {}
         self._groups: list[tuple[vrtm.Carrier, list[Thing]]] = []
@@ -154,40 +152,3 @@ def told(states: np.ndarray, farthest: float) -> str:
     if outside := int(((states == OUTSIDE) | (states == FOLDED)).sum()):
         lines.append(f"{outside} of {number} lie where the skin has no UVs, or folded ones, and follow the skin alone")
     return "; ".join(lines)
-
-
-def connected(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """The part of each vertex, (points,) from 0 on. Edges (n, 2) join vertices, and so does the same place."""
-    _, same = np.unique(points, axis=0, return_inverse=True)
-    same = same.reshape(-1)
-    ends = same[edges]
-    # Each place refers to another one of its part, with a lower number; in the end to the lowest.
-    found = np.arange(len(points))
-    while True:
-        one, other = found[ends].T
-        apart = one != other
-        if not apart.any():
-            return np.unique(found[same], return_inverse=True)[1].reshape(-1)
-        np.minimum.at(found, np.maximum(one, other)[apart], np.minimum(one, other)[apart])
-        while not np.array_equal(found, found[found]):
-            found = found[found]
-
-
-def feet(points: np.ndarray, parts: np.ndarray, farthest: float, skin: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The centre of each part's foot on the skin, (parts, 3), a mean of vertices; that of all vertices where a part is
-    farther from the skin than `farthest`."""
-    tree = BVHTree.FromPolygons(skin.tolist(), triangles.tolist(), all_triangles=True)
-    found = [tree.find_nearest(point, farthest)[3] for point in points.tolist()]
-    away = np.array([np.inf if distance is None else distance for distance in found])
-    centres = _means(points, parts)
-    number = len(centres)
-    nearest, radius = np.full(number, np.inf), np.zeros(number)
-    np.minimum.at(nearest, parts, away)
-    np.maximum.at(radius, parts, np.linalg.norm(points - centres[parts], axis=1))
-    stands = away <= (nearest + FOOT * radius)[parts]
-    return _means(points[stands], parts[stands])
-
-
-def _means(points: np.ndarray, parts: np.ndarray) -> np.ndarray:
-    sums = np.stack([np.bincount(parts, values) for values in points.T], -1)
-    return sums / np.bincount(parts)[:, None]

@@ -8,8 +8,8 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from mathutils import Matrix
 
-from . import carry_nodes, geometry
-from .carriers import CarriedInput, Moved, Thing, connected
+from . import carry_nodes, geometry, session
+from .carriers import CarriedInput, Moved, Thing
 from .messages import Problem
 
 FITS = [
@@ -54,10 +54,6 @@ def carried_by(skin: bpy.types.Object) -> list[bpy.types.Object]:
 def carries_live(skin: bpy.types.Object) -> bool:
     """True if the things that it carries follow it, and show no bake."""
     return not skin.vrtm.carried_baked and bool(carried_by(skin))
-
-
-def flat(matrix: Matrix) -> list[float]:
-    return [value for row in matrix for value in row]
 
 
 def in_skin(obj: bpy.types.Object) -> np.ndarray:
@@ -176,7 +172,7 @@ def attach(
     world. `by_parts`: each connected part of a mesh as one body."""
     own, scale = obj.vrtm_carry, scale_of(skin)
     own.channels = [value for name in CHANNELS for value in getattr(obj, name)]
-    own.inverse, own.was_child = flat(obj.matrix_parent_inverse), obj.parent == skin
+    own.inverse, own.was_child = [value for row in obj.matrix_parent_inverse for value in row], obj.parent == skin
     if not own.was_child:
         obj.parent = skin
         obj.matrix_parent_inverse = skin.matrix_world.inverted_safe()
@@ -243,7 +239,9 @@ def read(skin: bpy.types.Object) -> CarriedInput:
             points = own_places(obj)
             places = points.astype(np.float64) @ to_skin[:3, :3].T + to_skin[:3, 3]
             if own.pieces:
-                parts = connected(points, geometry.read(obj.data.edges, "vertices", 2, np.int32))
+                edges = geometry.read(obj.data.edges, "vertices", 2, np.int32)
+                of = session.library("vrtm.bake.carry_parts")
+                parts = of.connected(points, np.full(len(edges), 2), edges.ravel())
         if not np.isfinite(places).all():
             raise Problem(f"{obj.name}: a point of it has no place (NaN): mend or delete it")
         if len(places):

@@ -14,7 +14,6 @@ import bpy
 import numpy as np
 
 from . import layers, maps, materials, nodes, packed, session
-from .geometry import stamp_of
 from .messages import Problem
 from .packed import WHOLE
 
@@ -80,9 +79,9 @@ def restore(obj: bpy.types.Object) -> list[str]:
     kept."""
     before = {}
     for material in materials.materials_of(obj):
-        for node in [node for tree in nodes.reach(material.node_tree, alone=False) for node in tree.nodes]:
-            image = node.image if node.bl_idname == "ShaderNodeTexImage" else None
-            if image is not None and image.vrtm_original is not None and is_copy(image):
+        trees = nodes.reach(material.node_tree, alone=False)
+        for node in [node for tree in trees for node in nodes.own_textures(tree)]:
+            if (image := node.image) is not None and image.vrtm_original is not None and is_copy(image):
                 before[image] = None
                 node.image = image.vrtm_original
     return _let_go(before)
@@ -94,7 +93,7 @@ def _let_go(images: Iterable[bpy.types.Image]) -> list[str]:
     for image in images:
         if not is_copy(image) or image.users:
             continue
-        if image.is_dirty or image[STAMP] != _stamp(maps.read_image(image)):
+        if image.is_dirty or image[STAMP] != _stamp(image):
             image.use_fake_user, image.vrtm_original = True, None
             del image[REACH], image[STAMP]
             kept.append(image.name)
@@ -103,8 +102,8 @@ def _let_go(images: Iterable[bpy.types.Image]) -> list[str]:
     return kept
 
 
-def _stamp(tiles: dict[int | None, np.ndarray]) -> str:
-    return stamp_of(*(pixels for _, pixels in sorted(tiles.items(), key=lambda of: of[0] or 0))).hex()
+def _stamp(image: bpy.types.Image) -> str:
+    return maps.stamp_of_tiles(maps.read_image(image)).hex()
 
 
 def _holds_normals(node: bpy.types.Node) -> bool:
@@ -120,9 +119,7 @@ def _holds_normals(node: bpy.types.Node) -> bool:
 
 
 def _copy(image: bpy.types.Image, asset: vrtm.Asset, reach: float, normals: bool) -> bpy.types.Image:
-    session.library()
-    from vrtm import dilation
-
+    dilation = session.library("vrtm.dilation")
     tiles = {udim or WHOLE: np.ascontiguousarray(pixels[::-1]) for udim, pixels in maps.read_image(image).items()}
     # An image without tiles is repeated on all of them.
     keys = {tile.udim: WHOLE if WHOLE in tiles else tile.udim for tile in asset.tiles}
@@ -145,5 +142,5 @@ def _copy(image: bpy.types.Image, asset: vrtm.Asset, reach: float, normals: bool
     name = f"{image.name} dilated"
     copy = packed.image(name, copies, image)
     copy.vrtm_original = image
-    copy[REACH], copy[STAMP] = reach, _stamp(maps.read_image(copy))
+    copy[REACH], copy[STAMP] = reach, _stamp(copy)
     return copy

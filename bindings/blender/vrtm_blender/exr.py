@@ -23,8 +23,6 @@ _ROWS, _ZIP = 16, 3
 _CHANNELS = (("A", 3), ("B", 2), ("G", 1), ("R", 0))
 # OpenEXR's own: more takes much longer for little.
 _LEVEL = 4
-
-
 # Channels' types by their numbers in a file.
 _TYPES = {1: "<f2", 2: "<f4"}
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from . import session
 from .messages import Problem
 from .tap import GROUP as POSE_GROUP
 from .tap import INDEX_NAME, POSE_NAME, TOPOLOGY, place, topology_modifiers
@@ -28,6 +29,11 @@ class Topology:
     uvs: np.ndarray  # (corners, 2) float32
     vertices: int
     stamp: bytes
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """The faces as the package splits them, (triangles, 3): corners."""
+        return session.library("vrtm.bake.scene.topology").fans(self.face_counts)
 
 
 def stamp_of(*arrays: np.ndarray) -> bytes:
@@ -179,7 +185,7 @@ def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
         return positions(evaluated)
     stored, index = evaluated.attributes.get(POSE_NAME), evaluated.attributes.get(INDEX_NAME)
     if stored is None or index is None:
-        if has_tap(obj):
+        if (tap := POSE_GROUP.modifier_of(obj)) is not None and tap.show_viewport:
             raise Problem(f"{obj.name}: {culprit(obj)} keeps no attributes of the vertices: hide it, or apply it")
         ways = "hide it, or apply it" if place(obj) is None else "press Read Pose, or hide it"
         raise Problem(f"{obj.name}: {culprit(obj)} changes the topology: {ways}")
@@ -187,11 +193,6 @@ def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     if len(indices) < number or not np.array_equal(indices[:number], np.arange(number, dtype=np.int32)):
         raise Problem(f"{obj.name}: {culprit(obj)} does not keep the mesh's vertices: hide it, or apply it")
     return read(stored.data, "vector", 3)[:number].copy()
-
-
-def has_tap(obj: bpy.types.Object) -> bool:
-    tap = POSE_GROUP.modifier_of(obj)
-    return tap is not None and tap.show_viewport
 
 
 def same_faces(obj: bpy.types.Object, evaluated: bpy.types.Mesh) -> bool:

@@ -208,9 +208,5 @@ def tell(state: State, message: str, error: bool = False) -> None:
 
 
 def redraw() -> None:
-    if bpy.app.background:
-        return
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in {"PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"}:
-                area.tag_redraw()
+    for area in session.areas("PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"):
+        area.tag_redraw()

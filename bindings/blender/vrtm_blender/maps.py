@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from .geometry import corner_vertices, mesh_of, stamp_of
+from .geometry import corner_vertices, mesh_of, read, stamp_of
 from .messages import Problem
 
 # The pixels of Blender's images begin with the bottom row.
@@ -44,10 +44,14 @@ def read_map(obj: bpy.types.Object, which: str) -> Map:
             raise Problem(f"{obj.name}: choose the {which} image")
         channel = "RGBA".index(getattr(settings, f"{which}_channel"))
         tiles = {udim: np.ascontiguousarray(pixels[..., channel]) for udim, pixels in read_image(image).items()}
-        return Map(tiles, None, stamp_of(*(array for _, array in sorted(tiles.items(), key=lambda t: t[0] or 0))))
+        return Map(tiles, None, stamp_of_tiles(tiles))
     name = getattr(settings, f"{which}_name")
     values = group_values(obj, name) if source == "VERTEX_GROUP" else attribute_values(obj, name)
     return Map({}, values, stamp_of(values))
+
+
+def stamp_of_tiles(tiles: dict[int | None, np.ndarray]) -> bytes:
+    return stamp_of(*(pixels for _, pixels in sorted(tiles.items(), key=lambda of: of[0] or 0)))
 
 
 def read_image(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
@@ -187,13 +191,11 @@ def attribute_values(obj: bpy.types.Object, name: str) -> np.ndarray:
     if attribute is None:
         raise Problem(f"{obj.name} has no attribute {name!r}: choose another in the panel")
     if attribute.data_type == "FLOAT":
-        values = np.empty(len(attribute.data), np.float32)
-        attribute.data.foreach_get("value", values)
+        values = read(attribute.data, "value", 1)
     elif attribute.data_type in ("FLOAT_COLOR", "BYTE_COLOR"):
-        colours = np.empty(len(attribute.data) * 4, np.float32)
         # As they were painted: byte colours are kept with sRGB's curve, and read without it.
-        attribute.data.foreach_get("color_srgb" if attribute.data_type == "BYTE_COLOR" else "color", colours)
-        values = colours.reshape(-1, 4)[:, :3].max(1)
+        kind = "color_srgb" if attribute.data_type == "BYTE_COLOR" else "color"
+        values = read(attribute.data, kind, 4)[:, :3].max(1)
     else:
         raise Problem(f"{obj.name}: attribute {name!r} holds neither colours nor single numbers")
     if attribute.domain == "POINT":

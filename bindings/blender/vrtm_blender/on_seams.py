@@ -7,29 +7,25 @@ from collections.abc import Callable
 import numpy as np
 
 from . import session
+from .geometry import Topology
 
 # Points along each edge at which the rigidity is looked at, its ends among them.
 POINTS = 9
 
 
-def features(
-    corner_vertices: np.ndarray,
-    face_counts: np.ndarray,
-    uvs: np.ndarray,
-    rigidity: Callable[[np.ndarray], np.ndarray],
-) -> int:
+def features(topology: Topology, rigidity: Callable[[np.ndarray], np.ndarray]) -> int:
     """The number of connected rigid parts of all seams, by the rigidity of UVs (n, 2): a feature on a seam has one, as
     a rule. A seam is an edge of two faces with different UVs."""
-    following = session.topology().next_corners(face_counts)
+    following = session.library("vrtm.bake.scene.topology").next_corners(topology.face_counts)
     # Each edge as both of its faces have it, with its ends in one order.
     corners = np.stack([np.arange(len(following)), following], -1)
-    vertices = corner_vertices[corners].astype(np.int64)
+    vertices = topology.corner_vertices[corners].astype(np.int64)
     turned = vertices[:, 0] > vertices[:, 1]
     corners[turned], vertices[turned] = corners[turned, ::-1], vertices[turned, ::-1]
     order = np.lexsort(vertices.T)
     corners, vertices = corners[order], vertices[order]
     first = np.flatnonzero((vertices[:-1] == vertices[1:]).all(-1))
-    sides = np.stack([uvs[corners[first]], uvs[corners[first + 1]]])
+    sides = np.stack([topology.uvs[corners[first]], topology.uvs[corners[first + 1]]])
     apart = (np.abs(sides[0] - sides[1]) > 1e-6).any((-1, -2))
     sides, vertices = sides[:, apart], vertices[first[apart]]
     at = np.linspace(0, 1, POINTS)[:, None]

@@ -65,9 +65,7 @@ def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
     uvs = asset.corner_uvs() if request.write_uvs else None
     surface = colours = None
     if request.write_strain:
-        of = prepared.mesh
-        topology = of.topology
-        surface = strain.of_surface(topology.corner_vertices, topology.face_counts, of.rest, request.positions)
+        surface = strain.of_surface(prepared.mesh.topology, prepared.mesh.rest, request.positions)
     if request.strain != "NONE":
         colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
     carried = prepared.carriers.fetch()

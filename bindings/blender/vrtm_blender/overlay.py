@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import geometry, strain
+from . import geometry, session, strain
 from .prepared import Prepared
 
 NAME = "vrtm strain"
@@ -18,17 +18,10 @@ def colours(prepared: Prepared, pose: np.ndarray, after: bool, rigid_only: bool)
     """Colours of all vertices, (vertices, 4) float32, `after` the asset's last result or before it, of rigid parts only
     or of all of the texture. On any thread."""
     mesh = prepared.mesh
-    topology = mesh.topology
-    found = strain.of_vertices(
-        topology.corner_vertices,
-        topology.face_counts,
-        topology.uvs,
-        mesh.rest,
-        pose,
-        (lambda uvs: _jacobians(prepared, uvs)) if after else None,
-    )
+    jacobians = (lambda uvs: _jacobians(prepared, uvs)) if after else None
+    found = strain.of_vertices(mesh.topology, mesh.rest, pose, jacobians)
     if rigid_only and prepared.has_rigidity:
-        found *= prepared.rigidity_of_vertices(prepared.asset.corner_uvs() if after else topology.uvs)
+        found *= prepared.rigidity_of_vertices(prepared.asset.corner_uvs() if after else mesh.topology.uvs)
     return strain.colours(found)
 
 
@@ -37,9 +30,7 @@ def _jacobians(prepared: Prepared, uvs: np.ndarray) -> np.ndarray:
     found = np.broadcast_to(np.eye(2), (len(uvs), 2, 2)).copy()
     tiles = np.floor(uvs).astype(int)
     udims = np.where((tiles[:, 0] >= 0) & (tiles[:, 0] < 10) & (tiles[:, 1] >= 0), 1001 + tiles @ [1, 10], 0)
-    # As the package makes them of faces.
-    fans = np.maximum(prepared.mesh.topology.face_counts.astype(np.int64) - 2, 0)
-    layers = 0 if prepared.layers is None else np.repeat(prepared.layers, fans)
+    layers = prepared.triangle_layers()
     for tile in prepared.asset.tiles:
         chosen = np.flatnonzero((udims == tile.udim) & (layers == tile.layer))
         if len(chosen):
@@ -68,12 +59,10 @@ def remove(obj: bpy.types.Object) -> None:
 
 def show(on: bool) -> None:
     """Has the viewports with Solid shading show the active colour attribute, or the colours before."""
-    manager = bpy.context.window_manager
-    for window in manager.windows if manager is not None else ():
-        for space in (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"):
-            address, shading = space.as_pointer(), space.shading
-            if on and shading.color_type != "VERTEX":
-                _shading[address] = shading.color_type
-                shading.color_type = "VERTEX"
-            elif not on and shading.color_type == "VERTEX" and address in _shading:
-                shading.color_type = _shading.pop(address)
+    for space in [area.spaces.active for area in session.areas("VIEW_3D")]:
+        address, shading = space.as_pointer(), space.shading
+        if on and shading.color_type != "VERTEX":
+            _shading[address] = shading.color_type
+            shading.color_type = "VERTEX"
+        elif not on and shading.color_type == "VERTEX" and address in _shading:
+            shading.color_type = _shading.pop(address)

@@ -235,21 +235,18 @@ class VRTM_MT_object(bpy.types.Menu):
         layout = self.layout
         # Menus of objects run operators without asking; ours ask where they take long.
         layout.operator_context = "INVOKE_DEFAULT"
-        for name in ("set_up", "update", "capture_rest"):
-            layout.operator(f"vrtm.{name}")
+        for names in (
+            ("set_up", "update", "capture_rest"),
+            ("set_up_material", "dilate", "clear_material"),
+            ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"),
+            ("bake", "use_baked", "use_live", "remove_all"),
+        ):
+            for name in names:
+                made = layout.operator(f"vrtm.{name}")
+                if name == "set_up_material":
+                    made.by = "image"
+            layout.separator()
         layout.menu("VRTM_MT_rigidity")
-        layout.separator()
-        layout.operator("vrtm.set_up_material").by = "image"
-        for name in ("dilate", "clear_material"):
-            layout.operator(f"vrtm.{name}")
-        layout.separator()
-        for name in ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"):
-            layout.operator(f"vrtm.{name}")
-        layout.separator()
-        for name in ("bake", "use_baked", "use_live"):
-            layout.operator(f"vrtm.{name}")
-        layout.separator()
-        layout.operator("vrtm.remove_all")
 
 
 def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -302,29 +299,29 @@ def draw_topology(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
         status.draw(box, context, status.Line(text, "ERROR"))
 
 
-CLASSES = (
-    VRTM_PT_main,
-    VRTM_PT_quality,
-    VRTM_PT_advanced,
-    VRTM_PT_strain,
-    VRTM_PT_material,
-    VRTM_PT_carry,
-    VRTM_PT_bake,
-    VRTM_PT_status,
-    VRTM_PT_view,
-    VRTM_MT_rigidity,
-    VRTM_MT_begin,
-    VRTM_MT_object,
+register_classes, unregister_classes = bpy.utils.register_classes_factory(
+    (
+        VRTM_PT_main,
+        VRTM_PT_quality,
+        VRTM_PT_advanced,
+        VRTM_PT_strain,
+        VRTM_PT_material,
+        VRTM_PT_carry,
+        VRTM_PT_bake,
+        VRTM_PT_status,
+        VRTM_PT_view,
+        VRTM_MT_rigidity,
+        VRTM_MT_begin,
+        VRTM_MT_object,
+    )
 )
 
 
 def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes()
     bpy.types.VIEW3D_MT_object.append(object_menu)
 
 
 def unregister() -> None:
     bpy.types.VIEW3D_MT_object.remove(object_menu)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    unregister_classes()

@@ -90,10 +90,8 @@ class Prepared:
     mesh: MeshInput | None = None
     # The rigidity by vertices, if it is.
     vertices: np.ndarray | None = None
-    # Kept results of rigid_share, whole_share and features_on_seams.
-    rigid: tuple[float, float, float] | None = None
-    whole: float | None = None
-    on_seams: int | None = None
+    # Kept results of rigid_share, whole_share and features_on_seams, until maps or settings change.
+    kept: dict[str, Any] = field(default_factory=dict)
     # Lasting warnings of the library, and the stamps of the inputs with which they end.
     told: dict[vrtm.LogEntry, dict[str, Any]] = field(default_factory=dict)
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
@@ -132,7 +130,7 @@ class Prepared:
                 continue
             # The stamp must not stay if the setter fails.
             self.stamps.pop(which, None)
-            self.rigid = self.whole = self.on_seams = None
+            self.kept.clear()
             setter(getattr(maps, which))
             self.stamps[which] = maps.stamps[which]
 
@@ -157,8 +155,7 @@ class Prepared:
     def _set_mask(self, new: Map) -> None:
         self.asset.set_vertex_mask(new.vertices)
         for tile in self._tiles():
-            image = new.of(tile.udim)
-            tile.set_mask(image, **_origin(image))
+            tile.set_mask(new.of(tile.udim), origin=ORIGIN)
 
     def _set_rigidity(self, new: Map) -> None:
         # Kept again at the end: after a failure all of it is set again.
@@ -168,7 +165,7 @@ class Prepared:
         for tile in self._tiles():
             image, old = new.of(tile.udim), before.get(tile.udim)
             if image is None or old is None or image.shape != old.shape:
-                tile.set_rigidity(image, **_origin(image))
+                tile.set_rigidity(image, origin=ORIGIN)
                 continue
             # A stroke of a brush: only what has changed is prepared again.
             changed = image != old
@@ -191,13 +188,13 @@ class Prepared:
     def rigid_share(self) -> tuple[float, float, float]:
         """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by
         vertex, of the face corners. And the least and the largest rigidity there. The asset must have been solved."""
-        if self.rigid is None:
+        if "rigid" not in self.kept:
             if self.vertices is not None:
                 values = self.vertices[self.mesh.topology.corner_vertices]
             else:
                 values = np.concatenate([self._texels(tile) for tile in self.asset.tiles] or [np.zeros(1, np.float32)])
-            self.rigid = float((values > 0.5).mean()), float(values.min()), float(values.max())
-        return self.rigid
+            self.kept["rigid"] = float((values > 0.5).mean()), float(values.min()), float(values.max())
+        return self.kept["rigid"]
 
     @property
     def has_rigidity(self) -> bool:
@@ -210,26 +207,28 @@ class Prepared:
         total, number = (np.bincount(of.corner_vertices, values, of.vertices) for values in (found, None))
         return total / np.maximum(number, 1)
 
+    def triangle_layers(self) -> np.ndarray:
+        """The layer of each triangle that the package makes of the faces, (triangles,)."""
+        fans = np.maximum(self.mesh.topology.face_counts.astype(np.int64) - 2, 0)
+        return np.repeat(np.zeros(len(fans), np.uint32) if self.layers is None else self.layers, fans)
+
     def whole_share(self) -> float:
         """The share of rigid texels in triangles that are rigid as a whole."""
-        if self.whole is None:
-            topology = self.mesh.topology
-            self.whole = strain.whole_share(topology.face_counts, topology.uvs, self._rigidity)
-        return self.whole
+        if "whole" not in self.kept:
+            self.kept["whole"] = strain.whole_share(self.mesh.topology, self._rigidity)
+        return self.kept["whole"]
 
     def features_on_seams(self) -> int:
         """The number of features of a painted image on seams that do not continue."""
         if not self.painted or self.asset.tiles[0].settings.seams == "continue":
             return 0
-        if self.on_seams is None:
-            of = self.mesh.topology
-            self.on_seams = on_seams.features(of.corner_vertices, of.face_counts, of.uvs, self._painted)
-        return self.on_seams
+        if "on_seams" not in self.kept:
+            self.kept["on_seams"] = on_seams.features(self.mesh.topology, self._painted)
+        return self.kept["on_seams"]
 
     def strain_of(self, pose: np.ndarray, uvs: np.ndarray) -> float:
         """The strain (RMS) of rigid parts if the texture is looked up at UVs of the face corners, (corners, 2)."""
-        of = self.mesh.topology
-        return strain.of_features(of.corner_vertices, of.face_counts, of.uvs, self.mesh.rest, pose, uvs, self._rigidity)
+        return strain.of_features(self.mesh.topology, self.mesh.rest, pose, uvs, self._rigidity)
 
     def _rigidity(self, uvs: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
         if self.vertices is not None:
@@ -246,9 +245,7 @@ class Prepared:
 
     def _texels(self, tile: vrtm.Tile) -> np.ndarray:
         """The rigidity of about a million points at most, on a lattice, that lie in charts of a tile."""
-        image = self.painted.get(tile.udim)
-        if image is None:
-            image = np.zeros((1, 1), np.float32)
+        image = self.painted.get(tile.udim, np.zeros((1, 1), np.float32))
         charts = tile.fetch("redirection_delta", 512, channels=4, origin=ORIGIN)[..., 3] > 0.5
 
         def nearest(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
@@ -271,13 +268,10 @@ class Prepared:
         self.stamps.clear()
         self.told.clear()
         self.painted.clear()
-        self.mesh = self.vertices = self.rigid = self.whole = self.on_seams = self.layers = None
+        self.kept.clear()
+        self.mesh = self.vertices = self.layers = None
         if asset is not None:
             asset.close()
-
-
-def _origin(image: np.ndarray | None) -> dict[str, str]:
-    return {} if image is None else {"origin": ORIGIN}
 
 
 def _in_artists_words(entry: vrtm.LogEntry) -> str:

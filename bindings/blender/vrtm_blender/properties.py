@@ -8,12 +8,6 @@ import bpy
 
 from . import live, overlay, session
 
-# Settings of linked objects that are overridden are kept in the file, too.
-BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty = (
-    partial(getattr(bpy.props, f"{kind}Property"), override={"LIBRARY_OVERRIDABLE"})
-    for kind in ("Bool", "Enum", "Float", "Int", "Pointer", "String")
-)
-
 SOURCES = [
     ("NONE", "None", "No map"),
     ("IMAGE", "Image", "An image over the UV map, UDIM tiles too, as it is painted at present, saved or not"),
@@ -50,6 +44,13 @@ def _changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
     live.touch(settings.id_data)
 
 
+# Settings of linked objects that are overridden are kept in the file, too. No solve depends on those without `update`.
+BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty = (
+    partial(getattr(bpy.props, f"{kind}Property"), override={"LIBRARY_OVERRIDABLE"}, update=_changed)
+    for kind in ("Bool", "Enum", "Float", "Int", "Pointer", "String")
+)
+
+
 def _live_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
     if settings.live:
         live.touch(settings.id_data)
@@ -74,37 +75,25 @@ class VrtmSettings(bpy.types.PropertyGroup):
         name="Live", description="Follow the pose while frames are scrubbed and poses are edited", update=_live_changed
     )
     in_renders: BoolProperty(
-        name="In Renders", description="Solve each frame that is rendered, also while Live is off", default=True
+        name="In Renders", description="Solve each frame that is rendered, also without Live", default=True, update=None
     )
     rigidity_source: EnumProperty(
-        name="Rigidity",
-        description="The source of rigidity: painted parts keep their shape",
-        items=SOURCES,
-        update=_changed,
+        name="Rigidity", description="The source of rigidity: painted parts keep their shape", items=SOURCES
     )
     rigidity_image: PointerProperty(
-        name="Image", description="White keeps its shape, black is elastic", type=bpy.types.Image, update=_changed
+        name="Image", description="White keeps its shape, black is elastic", type=bpy.types.Image
     )
-    rigidity_channel: EnumProperty(name="Channel", items=CHANNELS, update=_changed)
+    rigidity_channel: EnumProperty(name="Channel", items=CHANNELS)
     rigidity_name: StringProperty(
-        name="Name", description="The vertex group or attribute: 1 keeps its shape, 0 is elastic", update=_changed
+        name="Name", description="The vertex group or attribute: 1 keeps its shape, 0 is elastic"
     )
     mask_source: EnumProperty(
-        name="Mask",
-        description="The source of the mask: masked parts do not move in the UVs",
-        items=SOURCES,
-        update=_changed,
+        name="Mask", description="The source of the mask: masked parts do not move in the UVs", items=SOURCES
     )
-    mask_image: PointerProperty(
-        name="Image", description="Parts darker than half do not move", type=bpy.types.Image, update=_changed
-    )
-    mask_channel: EnumProperty(name="Channel", items=CHANNELS, update=_changed)
-    mask_name: StringProperty(
-        name="Name", description="The vertex group or attribute: what is under 0.5 does not move", update=_changed
-    )
-    uv_map: StringProperty(
-        name="UV Map", description="The UV map of the texture; empty: the one that renders", update=_changed
-    )
+    mask_image: PointerProperty(name="Image", description="Parts darker than half do not move", type=bpy.types.Image)
+    mask_channel: EnumProperty(name="Channel", items=CHANNELS)
+    mask_name: StringProperty(name="Name", description="The vertex group or attribute: what is under 0.5 does not move")
+    uv_map: StringProperty(name="UV Map", description="The UV map of the texture; empty: the one that renders")
     rest_source: EnumProperty(
         name="Rest",
         description="The shape on which the texture looks as it was painted",
@@ -113,18 +102,17 @@ class VrtmSettings(bpy.types.PropertyGroup):
             ("SHAPE_KEY", "Shape Key", "One of the mesh's shape keys, at its full value"),
             ("CAPTURED", "Captured", "The evaluated shape at the moment when Capture was pressed"),
         ],
-        update=_changed,
     )
-    rest_key: StringProperty(name="Shape Key", description="The shape key that is the rest shape", update=_changed)
+    rest_key: StringProperty(name="Shape Key", description="The shape key that is the rest shape")
     # The captured shape, where the object's mesh is linked and cannot keep it.
-    rest_mesh: PointerProperty(name="Captured Rest", type=bpy.types.Mesh)
+    rest_mesh: PointerProperty(name="Captured Rest", type=bpy.types.Mesh, update=None)
     # Two values each, as of Subdivision Surface: the viewport's, and that of renders and bakes.
-    quality: EnumProperty(**QUALITY, update=_changed)
-    render_quality: EnumProperty(**QUALITY)
-    grid: IntProperty(**GRID, update=_changed)
-    render_grid: IntProperty(**GRID)
-    map_size: IntProperty(**MAP_SIZE, update=_changed)
-    render_map_size: IntProperty(**MAP_SIZE)
+    quality: EnumProperty(**QUALITY)
+    render_quality: EnumProperty(**QUALITY, update=None)
+    grid: IntProperty(**GRID)
+    render_grid: IntProperty(**GRID, update=None)
+    map_size: IntProperty(**MAP_SIZE)
+    render_map_size: IntProperty(**MAP_SIZE, update=None)
     overlaps: EnumProperty(
         name="Overlaps",
         description="Treatment of islands that lie over one another in the UV map, as mirrored halves do",
@@ -134,7 +122,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
             ("first_face", "First Face", "The island with the first face moves all of them: for those that bend alike"),
         ],
         default="each",
-        update=_changed,
     )
     seams: EnumProperty(
         name="Seams",
@@ -146,7 +133,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
             ("continue", "Continue", "Features keep their shape across seams. Press Dilate Textures for that"),
         ],
         default="shut",
-        update=_changed,
     )
     open_borders: EnumProperty(
         name="Open Borders",
@@ -157,7 +143,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
             ("slide", "Slide", "Textures slide along the border, so that features there keep their shape"),
         ],
         default="fixed",
-        update=_changed,
     )
     seam_reach: FloatProperty(
         name="Reach",
@@ -167,7 +152,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
         max=0.5,
         default=1 / 32,
         precision=4,
-        update=_changed,
     )
     device: EnumProperty(
         name="Device",
@@ -177,11 +161,8 @@ class VrtmSettings(bpy.types.PropertyGroup):
             ("gpu", "GPU", "The first GPU; an error if the machine has no GPU"),
         ],
         default="auto",
-        update=_changed,
     )
-    measure: BoolProperty(
-        name="Measure Strain", description="Also measure how much the features are strained. Slow", update=_changed
-    )
+    measure: BoolProperty(name="Measure Strain", description="Also measure how much the features are strained. Slow")
     # In artists' words; solve.py has the library's.
     harm: FloatProperty(
         name="No Harm",
@@ -190,7 +171,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
         min=0,
         max=16,
         default=5,
-        update=_changed,
     )
     calm: FloatProperty(
         name="Calm",
@@ -198,7 +178,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
         "features are rounder, and the skin between them is squeezed harder",
         min=-1,
         max=1,
-        update=_changed,
     )
     keep_direction: FloatProperty(
         name="Keep Direction",
@@ -207,7 +186,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
         min=0,
         max=2,
         soft_max=1,
-        update=_changed,
     )
     room: FloatProperty(
         name="Room",
@@ -217,28 +195,21 @@ class VrtmSettings(bpy.types.PropertyGroup):
         max=10,
         soft_max=3,
         default=0.3,
-        update=_changed,
     )
-    write_image: BoolProperty(
-        name="Image", description="Write an image of what to add to each UV", default=True, update=_changed
-    )
+    write_image: BoolProperty(name="Image", description="Write an image of what to add to each UV", default=True)
     write_uvs: BoolProperty(
         name="UV Map",
         description="Write the redirected UVs of the face corners to a UV map. They recover less than the image where "
         "faces are larger than features",
         default=True,
-        update=_changed,
     )
     write_strain: BoolProperty(
         name="Strain",
         description="Write how much the surface is stretched and squashed to a vector attribute of the vertices, for "
         "wrinkles, redness or dirt in shaders: the UV map's name with _strain. X is 0.2 where it is a fifth longer "
         "than at rest, Y where it is a fifth shorter",
-        update=_changed,
     )
-    strain_rigid: BoolProperty(
-        name="Rigid Only", description="Show the strain of what is rigid alone", default=True, update=_changed
-    )
+    strain_rigid: BoolProperty(name="Rigid Only", description="Show the strain of what is rigid alone", default=True)
     strain: EnumProperty(
         name="Show Strain",
         description="Show in Solid viewports how much what is painted is stretched (red) or squeezed (blue): full "
@@ -252,16 +223,16 @@ class VrtmSettings(bpy.types.PropertyGroup):
     )
     # Findings of Auto: the better one of Shut and Keep, its reason, and True if other vertices lie at the ends of the
     # mesh.
-    seams_found: EnumProperty(items=[("shut", "Shut", ""), ("keep", "Keep", "")])
-    seams_why: StringProperty()
-    goes_on: BoolProperty()
+    seams_found: EnumProperty(items=[("shut", "Shut", ""), ("keep", "Keep", "")], update=None)
+    seams_why: StringProperty(update=None)
+    goes_on: BoolProperty(update=None)
     # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.
-    image: PointerProperty(name="Redirection", type=bpy.types.Image)
-    uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
+    image: PointerProperty(name="Redirection", type=bpy.types.Image, update=None)
+    uv_name: StringProperty(name="Redirected UV Map", default="vrtm", update=None)
     # Set by the operators that switch between the result image and baked files.
-    shows_baked: BoolProperty(name="Shows Baked Files")
+    shows_baked: BoolProperty(name="Shows Baked Files", update=None)
     # Set by those that bake what is carried, and have it live again.
-    carried_baked: BoolProperty(name="Carried Things Show a Bake")
+    carried_baked: BoolProperty(name="Carried Things Show a Bake", update=None)
 
     @property
     def is_set_up(self) -> bool:
@@ -282,24 +253,26 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
         description="The folder of baked files; // is that of the file",
         subtype="DIR_PATH",
         default="//vrtm/",
+        update=None,
         **PATH_OPTIONS,
     )
     overwrite: BoolProperty(
         name="Overwrite",
         description="Replace files of these names that are not from a bake, too. What this file reads, such as "
         "textures and caches, is never replaced",
+        update=None,
     )
 
 
 def register() -> None:
     bpy.utils.register_class(VrtmSettings)
     bpy.utils.register_class(VrtmBakeSettings)
-    bpy.types.Object.vrtm = PointerProperty(type=VrtmSettings)
-    bpy.types.Scene.vrtm_bake = PointerProperty(type=VrtmBakeSettings)
+    bpy.types.Object.vrtm = PointerProperty(type=VrtmSettings, update=None)
+    bpy.types.Scene.vrtm_bake = PointerProperty(type=VrtmBakeSettings, update=None)
     # Of a result image: that of the next layer, if there is one.
-    bpy.types.Image.vrtm_next = PointerProperty(name="Next Layer", type=bpy.types.Image)
+    bpy.types.Image.vrtm_next = PointerProperty(name="Next Layer", type=bpy.types.Image, update=None)
     # Of a dilated copy: the image that it was made of, which is saved with it.
-    bpy.types.Image.vrtm_original = PointerProperty(name="Original", type=bpy.types.Image)
+    bpy.types.Image.vrtm_original = PointerProperty(name="Original", type=bpy.types.Image, update=None)
 
 
 def unregister() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import logging
 import threading
 from collections.abc import Iterator
@@ -31,22 +32,13 @@ live_in_background = False
 devices: dict[str, vrtm.Device] = {}
 
 
-def library():
-    """The Python package, which comes as a wheel within the extension. It is imported late, so that the add-on can be
-    registered, and tell what is wrong, where it is not there or not for this system."""
+def library(module: str = "vrtm"):
+    """The Python package, which comes as a wheel within the extension, or a module of it. It is imported late, so that
+    the add-on can be registered, and tell what is wrong, where it is not there or not for this system."""
     try:
-        import vrtm
+        return importlib.import_module(module)
     except (ImportError, OSError) as error:
         raise Problem(f"the vrtm library cannot be loaded: {error}") from error
-    return vrtm
-
-
-def topology():
-    """The package's functions of faces, on arrays alone."""
-    library()
-    from vrtm.bake.scene import topology
-
-    return topology
 
 
 def device(name: str) -> vrtm.Device:
@@ -75,6 +67,13 @@ def _log(entry: vrtm.LogEntry) -> None:
     if warning and getattr(_ear, "lines", None) is not None:
         _ear.lines.append(entry)
     log.log(logging.WARNING if warning else logging.DEBUG, "%s", entry.message)
+
+
+def areas(*kinds: str) -> list[bpy.types.Area]:
+    """The editors of these kinds in all windows."""
+    manager = bpy.context.window_manager
+    found = [area for window in (manager.windows if manager is not None else ()) for area in window.screen.areas]
+    return [area for area in found if area.type in kinds]
 
 
 def synchronous() -> bool:

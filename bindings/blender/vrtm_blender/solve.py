@@ -101,13 +101,11 @@ def find_seams(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgra
     settings = obj.vrtm
     if settings.seams != borders.AUTO or not settings.is_set_up or borders.chosen(obj).seams == "continue":
         return
-    session.library()
-    from vrtm.borders import kept_or_shut
-
     prepare(obj, state)
     prepared, positions = state.prepared, geometry.pose(obj, depsgraph)
     if any(tile.info.fixed for tile in prepared.asset.tiles):
-        found, told = kept_or_shut(lambda seams: prepared.measured(seams, positions, options_of(obj)["quality"]))
+        quality, choose = options_of(obj)["quality"], session.library("vrtm.borders").kept_or_shut
+        found, told = choose(lambda seams: prepared.measured(seams, positions, quality))
         told = f"at frame {depsgraph.scene.frame_current} {told}"
         # The tiles have other settings now.
         state.maps_changed = True

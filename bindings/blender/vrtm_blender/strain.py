@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import session
+from .geometry import Topology
 
 # The logarithm of a length's ratio at which colours are full: a quarter longer, or a fifth shorter.
 FULL = np.log(1.25)
@@ -35,14 +35,7 @@ def _edges(vertices: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> tuple[np
     return vertices, at_rest, posed, area, area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
 
 
-def of_vertices(
-    corner_vertices: np.ndarray,
-    face_counts: np.ndarray,
-    uvs: np.ndarray,
-    rest: np.ndarray,
-    pose: np.ndarray,
-    jacobians: Jacobians | None,
-) -> np.ndarray:
+def of_vertices(topology: Topology, rest: np.ndarray, pose: np.ndarray, jacobians: Jacobians | None) -> np.ndarray:
     """The logarithm of posed length by rest length of the texture, in the direction in which it differs most from 0:
     (vertices,), a mean over the triangles around a vertex by their areas.
 
@@ -50,12 +43,12 @@ def of_vertices(
     mesh's own UVs. With M the posed, R the resting and U the UV edges of a triangle and J the derivative, what is
     painted around a point is deformed by M U^-1 J^-1 U R^-1.
     """
-    corners = session.topology().fans(face_counts)
-    vertices, at_rest, posed, area, whole = _edges(corner_vertices[corners], rest, pose)
+    corners = topology.triangles
+    vertices, at_rest, posed, area, whole = _edges(topology.corner_vertices[corners], rest, pose)
     if jacobians is None:
         middle = np.broadcast_to(np.eye(2), at_rest.shape)
     else:
-        uv = uvs[corners].astype(np.float64)
+        uv = topology.uvs[corners].astype(np.float64)
         sides = _sides(uv)
         whole &= np.abs(_determinant(sides)) > 1e-14
         sides[~whole] = np.eye(2)
@@ -68,10 +61,10 @@ def of_vertices(
     return _means(vertices, area * whole, values, len(rest))
 
 
-def of_surface(corner_vertices: np.ndarray, face_counts: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> np.ndarray:
+def of_surface(topology: Topology, rest: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Largest stretch and largest squash of the surface itself at each vertex, as shares of its length at rest; and 0:
     (vertices, 3) float32."""
-    vertices, at_rest, posed, area, whole = _edges(corner_vertices[session.topology().fans(face_counts)], rest, pose)
+    vertices, at_rest, posed, area, whole = _edges(topology.corner_vertices[topology.triangles], rest, pose)
     at_rest[~whole] = np.eye(2)
     largest, smallest = _logarithms(posed @ _inverse(at_rest))
     shares = (np.maximum(np.expm1(largest), 0), np.maximum(-np.expm1(smallest), 0))
@@ -91,32 +84,23 @@ def _means(vertices: np.ndarray, weights: np.ndarray, values: np.ndarray, count:
 Rigidity = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def whole_share(face_counts: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> float:
+def whole_share(topology: Topology, rigidity: Rigidity) -> float:
     """The share of the rigid part of the UV map in triangles that are rigid as a whole; 1 without any."""
-    corners = session.topology().fans(face_counts)
-    rigid = _rigid(corners, uvs, rigidity)
-    area = np.abs(_determinant(_sides(uvs[corners].astype(np.float64))))
+    corners = topology.triangles
+    rigid = _rigid(corners, topology.uvs, rigidity)
+    area = np.abs(_determinant(_sides(topology.uvs[corners].astype(np.float64))))
     total = (area * rigid.mean(1)).sum()
     return float((area * rigid.all(1)).sum() / total) if total else 1.0
 
 
-def of_features(
-    corner_vertices: np.ndarray,
-    face_counts: np.ndarray,
-    uvs: np.ndarray,
-    rest: np.ndarray,
-    pose: np.ndarray,
-    shown: np.ndarray,
-    rigidity: Rigidity,
-) -> float:
+def of_features(topology: Topology, rest: np.ndarray, pose: np.ndarray, shown: np.ndarray, rigidity: Rigidity) -> float:
     """The RMS strain of rigid parts along u and v, with the UVs `shown`, (corners, 2), which are linear on each
     triangle."""
-    corners = session.topology().fans(face_counts)
-    vertices = corner_vertices[corners].astype(np.int64)
-    sides, moved = (_sides(of[corners].astype(np.float64)) for of in (uvs, shown))
-    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
+    corners = topology.triangles
+    _, at_rest, posed, own, _ = _edges(topology.corner_vertices[corners], rest, pose)
+    sides, moved = (_sides(of[corners].astype(np.float64)) for of in (topology.uvs, shown))
     area = np.abs(_determinant(sides))
-    whole = (area > 1e-14) & (np.abs(_determinant(at_rest)) > 0) & (np.abs(_determinant(moved)) > 1e-14)
+    whole = (area > 1e-14) & (own > 0) & (np.abs(_determinant(moved)) > 1e-14)
     sides[~whole] = moved[~whole] = np.eye(2)
     before, after = (np.linalg.norm(m @ _inverse(n), axis=-2) for m, n in ((at_rest, sides), (posed, moved)))
     strained = ((after / np.where(whole[:, None], before, 1) - 1) ** 2).mean(-1)

@@ -6,21 +6,6 @@ import bpy
 
 from . import bake, carry, material, objects, rigidity, solve
 
-CLASSES = (
-    *solve.CLASSES,
-    *objects.CLASSES,
-    *rigidity.CLASSES,
-    *material.CLASSES,
-    *bake.CLASSES,
-    *carry.CLASSES,
+register, unregister = bpy.utils.register_classes_factory(
+    [cls for part in (solve, objects, rigidity, material, bake, carry) for cls in part.CLASSES]
 )
-
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

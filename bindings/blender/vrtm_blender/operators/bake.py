@@ -6,7 +6,7 @@ import bpy
 
 from .. import bake, layers, live, messages, nodes, session, states
 from ..messages import Problem, text_of
-from .base import OnObject
+from .base import OnObject, Polled
 
 
 class VRTM_OT_use_baked(OnObject, bpy.types.Operator):
@@ -43,20 +43,16 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
         return f"{obj.name}: the material reads the result image"
 
 
-class BakesFrames:
+class BakesFrames(Polled):
     """An operator that bakes a range of frames of the selected objects. Esc ends it."""
 
     _bake = None
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def why_not(cls, context: bpy.types.Context) -> str | None:
         if not cls.objects(context):
-            cls.poll_message_set("Select a mesh object whose rigidity is chosen")
-            return False
-        if session.baking:
-            cls.poll_message_set("A bake is under way")
-            return False
-        return True
+            return "Select a mesh object whose rigidity is chosen"
+        return "A bake is under way" if session.baking else None
 
     @staticmethod
     def objects(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -8,7 +8,17 @@ from .. import live, session, states
 from ..messages import Problem, text_of
 
 
-class OnObject:
+class Polled:
+    """An operator that tells why it cannot be pressed."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if why := cls.why_not(context):
+            cls.poll_message_set(why)
+        return not why
+
+
+class OnObject(Polled):
     """An operator on the active mesh object. A failure is reported, in words, and cancels it."""
 
     bl_options = {"REGISTER", "UNDO"}
@@ -19,18 +29,16 @@ class OnObject:
     makes_step = False
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def why_not(cls, context: bpy.types.Context) -> str | None:
         if context.object is None or context.object.type != "MESH":
-            cls.poll_message_set("Choose a mesh object")
-            return False
-        if not is_own(context.object):
-            cls.poll_message_set("The object is linked from another file: make a library override of it")
-            return False
-        return True
+            return "Choose a mesh object"
+        linked = "The object is linked from another file: make a library override of it"
+        return None if context.object.library is None else linked
 
     def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
         others = context.selected_objects if self.on_selected else ()
-        return list(dict.fromkeys([context.object, *(obj for obj in others if obj.type == "MESH" and is_own(obj))]))
+        own = [obj for obj in others if obj.type == "MESH" and obj.library is None]
+        return list(dict.fromkeys([context.object, *own]))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return self.execute(context)
@@ -55,8 +63,3 @@ class OnObject:
         if self.makes_step and not (self.options.is_invoke or self.options.is_repeat):
             bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"}
-
-
-def is_own(obj: bpy.types.Object) -> bool:
-    """Its mesh may be linked, as that of an overridden character is."""
-    return obj.library is None

@@ -94,8 +94,7 @@ class _Carry(OnObject):
                 lines.append(
                     f"{obj.name} is not bound: {'its origin is' if whole else 'all its points are'} farther than "
                     f"{farthest:.3g} from the skin at rest: go to the rest pose, or raise Largest Distance"
-                    + " (or Object > Set Origin)"
-                    * whole
+                    f"{' (or Object > Set Origin)' * whole}"
                 )
                 continue
             number, places = number + 1, places + int((found == BOUND).sum())
@@ -169,11 +168,8 @@ class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):
     makes_step = True
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not cls.found(context):
-            cls.poll_message_set("Nothing that is selected is carried, or carries")
-            return False
-        return True
+    def why_not(cls, context: bpy.types.Context) -> str | None:
+        return None if cls.found(context) else "Nothing that is selected is carried, or carries"
 
     @staticmethod
     def found(context: bpy.types.Context) -> list[bpy.types.Object]:

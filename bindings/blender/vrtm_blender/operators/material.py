@@ -78,6 +78,15 @@ def set_up(context: bpy.types.Context, obj: bpy.types.Object) -> str:
     return f"{done}; Live is on"
 
 
+def clear(obj: bpy.types.Object) -> tuple[int, str]:
+    """Takes the redirection out of the materials; returns the number of node groups, and a text on what is kept."""
+    painted = dilate.restore(obj)
+    own = [material for material in materials.materials_of(obj) if material.library is None]
+    removed = sum(map(materials.remove, own))
+    nodes.remove_unused_groups()
+    return removed, kept_text(painted)
+
+
 def kept_text(painted: list[str]) -> str:
     return f"; painted on, and kept: {', '.join(painted)}" if painted else ""
 
@@ -113,11 +122,8 @@ class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
     makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        found = {slot.material for slot in obj.material_slots if slot.material is not None}
-        painted = dilate.restore(obj)
-        removed = sum(map(materials.remove, found))
-        nodes.remove_unused_groups()
-        return f"{obj.name}: {removed} node groups removed" + kept_text(painted)
+        removed, kept = clear(obj)
+        return f"{obj.name}: {removed} node groups removed" + kept
 
 
 CLASSES = (

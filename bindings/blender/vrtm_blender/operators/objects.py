@@ -5,23 +5,10 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import (
-    dilate,
-    geometry,
-    keep,
-    layer_nodes,
-    layers,
-    materials,
-    nodes,
-    overlay,
-    result_image,
-    results,
-    states,
-    tap,
-)
+from .. import geometry, keep, layer_nodes, layers, overlay, result_image, results, states, tap
 from .base import OnObject
 from .carry import let_all_go
-from .material import kept_text, set_up
+from .material import clear, set_up
 from .rigidity import new_image, paint
 
 # Quality, cells per side of a tile, texels per side of the map; 0 is their default.
@@ -108,11 +95,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         settings, mesh = obj.vrtm, obj.data
         let_all_go(obj)
         states.drop(obj.session_uid)
-        painted = dilate.restore(obj)
-        for material in {slot.material for slot in obj.material_slots if slot.material is not None}:
-            if material.library is None:
-                materials.remove(material)
-        nodes.remove_unused_groups()
+        _, kept = clear(obj)
         others, image = [other for other in bpy.data.objects if other != obj], settings.image
         if result_image.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):
             bpy.data.images.remove(image)
@@ -140,7 +123,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         for one in maps:
             keep.keep_image(one)
         states.drop(obj.session_uid)
-        return f"{obj.name}: nothing of vrtm is left" + kept_text(painted)
+        return f"{obj.name}: nothing of vrtm is left" + kept
 
 
 CLASSES = (VRTM_OT_set_up, VRTM_OT_preset, VRTM_OT_remove_all)

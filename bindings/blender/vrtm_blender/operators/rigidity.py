@@ -17,11 +17,8 @@ from .material import set_up
 Tiles = dict[int | None, np.ndarray]
 
 
-def images_of(obj: bpy.types.Object) -> bpy.types.Image:
-    settings = obj.vrtm
-    if settings.rigidity_source != "IMAGE" or settings.rigidity_image is None:
-        raise Problem(f"{obj.name}: its rigidity is no image")
-    return settings.rigidity_image
+def has_image(obj: bpy.types.Object) -> bool:
+    return obj.vrtm.rigidity_source == "IMAGE" and obj.vrtm.rigidity_image is not None
 
 
 def show(obj: bpy.types.Object, image: bpy.types.Image) -> None:
@@ -187,14 +184,8 @@ class _OnImage(OnObject):
     """An operator on the rigidity image."""
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not super().poll(context):
-            return False
-        settings = context.object.vrtm
-        if settings.rigidity_source != "IMAGE" or settings.rigidity_image is None:
-            cls.poll_message_set("The rigidity is no image")
-            return False
-        return True
+    def why_not(cls, context: bpy.types.Context) -> str | None:
+        return super().why_not(context) or (None if has_image(context.object) else "The rigidity is no image")
 
 
 class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
@@ -214,8 +205,7 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
     texels: IntProperty(name="Texels", description="By how much it becomes larger or smaller", min=1, max=64, default=2)
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        source, settings = images_of(obj), obj.vrtm
-        channel = "RGBA".index(settings.rigidity_channel)
+        source, channel = obj.vrtm.rigidity_image, "RGBA".index(obj.vrtm.rigidity_channel)
         grow = {"invert": 0, "grow": self.texels, "shrink": -self.texels}[self.how]
 
         def change(tiles: Tiles) -> Tiles:
@@ -270,7 +260,9 @@ class VRTM_OT_paint(_OnImage, bpy.types.Operator):
 
 def paint(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Image:
     """Begins to paint on the rigidity image of the active object."""
-    image, source = images_of(obj), geometry.source_uv_layer(obj)
+    if not has_image(obj):
+        raise Problem(f"{obj.name}: its rigidity is no image")
+    image, source = obj.vrtm.rigidity_image, geometry.source_uv_layer(obj)
     obj.data.uv_layers.active = source
     settings = context.scene.tool_settings.image_paint
     settings.mode, settings.canvas = "IMAGE", image

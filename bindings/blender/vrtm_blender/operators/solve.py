@@ -19,13 +19,9 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
     _running: set[int] = set()
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not super().poll(context):
-            return False
-        if context.object.session_uid in cls._running:
-            cls.poll_message_set("Its update is under way")
-            return False
-        return True
+    def why_not(cls, context: bpy.types.Context) -> str | None:
+        running = context.object is not None and context.object.session_uid in cls._running
+        return super().why_not(context) or ("Its update is under way" if running else None)
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         self.begin(context, obj)

@@ -23,7 +23,12 @@ def in_parts(prim: CarriedPrim, to_mesh: np.ndarray, surface: Nearest) -> Carrie
     (4, 4) from the prim's space to the surface's."""
     assert prim.faces is not None
     of = connected(prim.points, *prim.faces)
-    points = placed(prim.points, to_mesh)
+    return replace(prim, roots=feet(prim.points, placed(prim.points, to_mesh), of, surface), of=of)
+
+
+def feet(rest: np.ndarray, points: np.ndarray, of: np.ndarray, surface: Nearest) -> np.ndarray:
+    """(parts, 3): the centres of the feet of parts, in the space of `rest`. `points`: the same in the surface's space;
+    `of`: (points,), the part of each."""
     centres = _means(points, of)
     nearest, radius = np.full(len(centres), np.inf), np.zeros(len(centres))
     np.maximum.at(radius, of, np.linalg.norm(points - centres[of], axis=1))
@@ -33,7 +38,7 @@ def in_parts(prim: CarriedPrim, to_mesh: np.ndarray, surface: Nearest) -> Carrie
         part = of[own]
         away[own] = surface.distances(points[own], part, nearest, _FOOT * radius)
     stands = away <= (nearest + _FOOT * radius)[of]
-    return replace(prim, roots=_means(prim.points[stands], of[stands]), of=of)
+    return _means(rest[stands], of[stands])
 
 
 def _means(points: np.ndarray, of: np.ndarray) -> np.ndarray:
