@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+import types
 import unittest
 
 import numpy as np
@@ -16,6 +17,56 @@ sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 from sample import bones, nodes_of, rgba  # noqa: E402
 
 EXTENSION = "bl_ext.user_default.vrtm"
+ICONS = set(bpy.types.UILayout.bl_rna.functions["prop"].parameters["icon"].enum_items.keys())
+PANELS = ("main", "quality", "advanced", "strain", "material", "bake", "status", "view")
+MENUS = ("rigidity", "begin", "object")
+
+
+class Layout:
+    """Takes what UILayout takes, as far as the panels use it, and writes down what would be shown."""
+
+    def __init__(self, shown):
+        self.shown = shown
+
+    def _part(self, **options):
+        return Layout(self.shown)
+
+    row = column = box = _part
+
+    def _icon(self, icon):
+        if icon not in ICONS:
+            raise ValueError(f"icon {icon}")
+
+    def label(self, text="", icon="NONE"):
+        self._icon(icon)
+        self.shown.append(text)
+
+    def prop(self, data, name, text=None, icon="NONE", toggle=-1, expand=False):
+        self._icon(icon)
+        self.shown.append(data.bl_rna.properties[name].name)
+
+    def prop_search(self, data, name, other, collection, text=None):
+        len(getattr(other, collection))
+        self.prop(data, name)
+
+    def separator(self):
+        pass
+
+    def menu(self, name, icon="NONE"):
+        self._icon(icon)
+        self.shown.append(getattr(bpy.types, name).bl_label)
+
+    def template_ID(self, data, name, new="", open=""):
+        for operator in (new, open):
+            self.operator(operator)
+        self.prop(data, name)
+
+    def operator(self, name, text=None, icon="NONE", depress=False):
+        self._icon(icon)
+        module, function = name.split(".")
+        rna = getattr(getattr(bpy.ops, module), function).get_rna_type()
+        self.shown.append(text or rna.name)
+        return types.SimpleNamespace(**{p.identifier: None for p in rna.properties})
 
 
 def start() -> None:
@@ -59,6 +110,19 @@ class Case(unittest.TestCase):
     def notes(self, obj: bpy.types.Object) -> str:
         return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
 
+    def shown(self, obj: bpy.types.Object) -> list[str]:
+        """What the panels and menus show, in a stand-in of Blender's layout. Drawing changes nothing."""
+        shown, context = [], types.SimpleNamespace(object=obj, scene=bpy.context.scene)
+        states = set(part("states").known)
+        for name in PANELS:
+            panel = getattr(bpy.types, f"VRTM_PT_{name}")
+            self.assertTrue(panel.poll(context))
+            panel.draw(types.SimpleNamespace(layout=Layout(shown)), context)
+        for name in MENUS:
+            getattr(bpy.types, f"VRTM_MT_{name}").draw(types.SimpleNamespace(layout=Layout(shown)), context)
+        self.assertEqual(set(part("states").known), states)
+        return shown
+
     def scratch(self) -> str:
         """A folder that the test's end removes."""
         return self.enterContext(tempfile.TemporaryDirectory())
@@ -76,6 +140,17 @@ class Case(unittest.TestCase):
         scene = bpy.context.scene
         scene.vrtm_bake.directory, scene.frame_start, scene.frame_end = folder, start, end
         return scene.vrtm_bake
+
+    def check(self, arm: Arm, asset=None, pose: np.ndarray | None = None, obj: bpy.types.Object | None = None) -> float:
+        """The object's result is that of the package's asset for the object's pose. Returns the farthest way."""
+        obj, asset = obj or arm.object, asset or arm.asset()
+        report = asset.solve(arm.pose(obj) if pose is None else pose, quality=obj.vrtm.quality)
+        self.assertEqual(report.folds, 0)
+        image, expected = pixels(obj.vrtm.image), arm.delta(asset)
+        self.assertSame(np.ascontiguousarray(image[..., :2]), expected)
+        self.assertEqual((image[..., 2].max(), image[..., 3].min()), (0, 1))
+        self.assertSame(uv_layer(obj.data, obj.vrtm.uv_name), asset.corner_uvs())
+        return np.abs(expected).max()
 
     def assertSame(self, one: np.ndarray, other: np.ndarray) -> None:
         """The same bits."""
@@ -165,26 +240,37 @@ class Arm:
 
     def asset(self, rest: np.ndarray | None = None, painted: bool = True):
         """The same by the Python package alone; `painted`: with the rigidity as the image of 8 bits has it."""
-        import vrtm
-
-        asset = vrtm.Asset(
-            vrtm.Device("cpu"),
-            self.rest() if rest is None else rest,
-            self.faces.ravel(),
-            face_counts=np.full(len(self.faces), 4),
-            uvs=self.uvs,
-        )
-        for tile in asset.tiles:
-            tile.set_settings(grid_width=self.size, grid_height=self.size)
-            if painted:
-                tile.set_rigidity(eight_bits(self.painted[tile.udim]), origin="bottom")
-        return asset
+        painted = {udim: eight_bits(values) for udim, values in self.painted.items()} if painted else {}
+        return asset_of(self.rest() if rest is None else rest, self.faces, self.uvs, self.size, painted)
 
     def delta(self, asset) -> np.ndarray:
         """The expected result image: the tiles side by side, (height, width, 2)."""
         return np.concatenate(
             [tile.fetch("redirection_delta", self.size, channels=2, origin="bottom") for tile in asset.tiles], 1
         )
+
+
+def asset_of(
+    rest: np.ndarray, faces: np.ndarray, uvs: np.ndarray, size: int, painted: dict[int, np.ndarray], **options
+):
+    """By the Python package alone: quads with the UVs of their corners, cells per side of a tile, and the rigidity of
+    each, if it is painted."""
+    import vrtm
+
+    counts = np.full(len(faces), 4)
+    asset = vrtm.Asset(vrtm.Device("cpu"), rest, faces.ravel(), face_counts=counts, uvs=uvs, **options)
+    for tile in [tile for tile in asset.tiles if tile.layer == 0]:
+        tile.set_settings(grid_width=size, grid_height=size)
+        if painted:
+            tile.set_rigidity(painted[tile.udim], origin="bottom")
+    return asset
+
+
+def select(*objects: bpy.types.Object) -> None:
+    """Selects these objects alone; the last one is the active one."""
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj in objects)
+    bpy.context.view_layer.objects.active = objects[-1]
 
 
 def tiled(folder: str, name: str, tiles: dict[int, np.ndarray]) -> bpy.types.Image:

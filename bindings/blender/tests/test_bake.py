@@ -1,11 +1,10 @@
 """Baking to disk: files, their names and content, frames that are left as they were, and what goes wrong."""
 
 import os
-import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, delta, load, part
+from support import Arm, Case, bpy, load, part
 
 
 class Bake(Case):
@@ -23,22 +22,22 @@ class Bake(Case):
         scene = bpy.context.scene
         scene.frame_set(3)
         images = set(bpy.data.images.keys())
-        with tempfile.TemporaryDirectory() as folder:
-            self.settings(folder)
-            self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-            names = {f"arm.redirect.{part}.{frame:04d}.exr" for part in ("1001", "1002", "tiles") for frame in (2, 4)}
-            self.assertEqual(set(os.listdir(folder)), names)
-            self.assertEqual(scene.frame_current, 3)
-            asset = arm.asset()
-            for frame in (2, 4):
-                scene.frame_set(frame)
-                asset.solve(arm.pose())
-                for tile in asset.tiles:
-                    found = load(os.path.join(folder, f"arm.redirect.{tile.udim}.{frame:04d}.exr"))
-                    expected = tile.fetch("redirection_delta", 128, channels=2, origin="bottom")
-                    self.assertSame(np.ascontiguousarray(found[..., :2]), expected)
-                both = load(os.path.join(folder, f"arm.redirect.tiles.{frame:04d}.exr"))
-                self.assertSame(np.ascontiguousarray(both[..., :2]), arm.delta(asset))
+        folder = self.scratch()
+        self.settings(folder)
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        names = {f"arm.redirect.{part}.{frame:04d}.exr" for part in ("1001", "1002", "tiles") for frame in (2, 4)}
+        self.assertEqual(set(os.listdir(folder)), names)
+        self.assertEqual(scene.frame_current, 3)
+        asset = arm.asset()
+        for frame in (2, 4):
+            scene.frame_set(frame)
+            asset.solve(arm.pose())
+            for tile in asset.tiles:
+                found = load(os.path.join(folder, f"arm.redirect.{tile.udim}.{frame:04d}.exr"))
+                expected = tile.fetch("redirection_delta", 128, channels=2, origin="bottom")
+                self.assertSame(np.ascontiguousarray(found[..., :2]), expected)
+            both = load(os.path.join(folder, f"arm.redirect.tiles.{frame:04d}.exr"))
+            self.assertSame(np.ascontiguousarray(both[..., :2]), arm.delta(asset))
         self.assertEqual(set(bpy.data.images.keys()), images)
         self.assertFalse(part("session").baking)
 
@@ -46,43 +45,41 @@ class Bake(Case):
         arm = self.arm(1)
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(5)
-        with tempfile.TemporaryDirectory() as folder:
-            self.settings(folder, start=2, end=2)
-            bpy.ops.vrtm.bake()
-        asset = arm.asset()
-        asset.solve(arm.pose())
-        self.assertSame(delta(arm.object), arm.delta(asset))
+        folder = self.scratch()
+        self.settings(folder, start=2, end=2)
+        bpy.ops.vrtm.bake()
+        self.check(arm)
         bpy.context.scene.frame_set(5)
-        self.assertSame(delta(arm.object), arm.delta(asset))
+        self.check(arm)
 
     def test_given_up_in_the_middle(self):
         arm = self.arm(1)
         bpy.context.scene.frame_set(3)
-        with tempfile.TemporaryDirectory() as folder:
-            self.settings(folder, start=1, end=5, step=1)
-            steps = part("bake").Bake(bpy.context.scene, [arm.object]).steps()
-            self.assertEqual([next(steps)[0], next(steps)[0]], [1, 2])
-            steps.close()
-            self.assertEqual(sorted(os.listdir(folder)), [f"arm.redirect.1001.000{i}.exr" for i in (1, 2)])
+        folder = self.scratch()
+        self.settings(folder, start=1, end=5, step=1)
+        steps = part("bake").Bake(bpy.context.scene, [arm.object]).steps()
+        self.assertEqual([next(steps)[0], next(steps)[0]], [1, 2])
+        steps.close()
+        self.assertEqual(sorted(os.listdir(folder)), [f"arm.redirect.1001.000{i}.exr" for i in (1, 2)])
         self.assertEqual((bpy.context.scene.frame_current, part("session").baking), (3, False))
 
     def test_what_is_wrong_is_said(self):
         arm = self.arm(1)
-        with tempfile.TemporaryDirectory() as folder:
-            file = os.path.join(folder, "file")
-            with open(file, "w"):
-                pass
-            for changes, word in (
-                ({"folder": "//"}, "never saved"),
-                ({"folder": os.path.join(file, "under")}, "cannot be made"),
-            ):
-                self.settings(**changes)
-                with self.assertRaisesRegex(RuntimeError, word):
-                    bpy.ops.vrtm.bake()
-            self.settings(folder)
-            arm.object.vrtm.rigidity_image = None
-            with self.assertRaisesRegex(RuntimeError, "choose the rigidity image; 0 frames are written"):
+        folder = self.scratch()
+        file = os.path.join(folder, "file")
+        with open(file, "w"):
+            pass
+        for changes, word in (
+            ({"folder": "//"}, "never saved"),
+            ({"folder": os.path.join(file, "under")}, "cannot be made"),
+        ):
+            self.settings(**changes)
+            with self.assertRaisesRegex(RuntimeError, word):
                 bpy.ops.vrtm.bake()
-            self.assertEqual(os.listdir(folder), ["file"])
+        self.settings(folder)
+        arm.object.vrtm.rigidity_image = None
+        with self.assertRaisesRegex(RuntimeError, "choose the rigidity image; 0 frames are written"):
+            bpy.ops.vrtm.bake()
+        self.assertEqual(os.listdir(folder), ["file"])
         arm.object.vrtm.rigidity_source = "NONE"
         self.assertFalse(bpy.ops.vrtm.bake.poll())

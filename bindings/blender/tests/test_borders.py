@@ -3,12 +3,11 @@
 import numpy as np
 
 import test_dilate
-import test_panel
-from support import Case, bpy, delta, mesh_object, part, rgba
+from support import Case, bpy, delta, mesh_object, part, rgba, select
 
 
 class Borders(Case):
-    scene, image, draw = test_dilate.Dilate.arm, test_dilate.Dilate.image, test_panel.Panel.draw
+    scene, image = test_dilate.Dilate.arm, test_dilate.Dilate.image
 
     def arm(self, dilated=True):
         arm = self.scene()
@@ -43,7 +42,7 @@ class Borders(Case):
         settings = arm.object.vrtm
         self.assertEqual((settings.seams, settings.open_borders), ("auto", "auto"))
         said = "Seams continue, open borders slide: all textures are dilated"
-        self.assertIn(said, self.draw(arm.object))
+        self.assertIn(said, self.shown(arm.object))
         self.check_solved(arm, seams="continue", open_borders="slide")
         # It is saved with the file.
         self.assertEqual(part("borders").chosen(self.reopened()).why, said)
@@ -54,19 +53,19 @@ class Borders(Case):
         settings.seams = "shut"
         said = "1 feature on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
         bpy.ops.vrtm.update()
-        self.assertIn(said, self.draw(arm.object))
+        self.assertIn(said, self.shown(arm.object))
         # More of them, of which two touch the other side of the seam alone, and what is elsewhere.
         at, image = (np.arange(arm.size) + 0.5) / arm.size, settings.rigidity_image
         for u, v in ((0.1, 0.04), (0.55, 0.96), (0.9, 0.97), (0.7, 0.5)):
             arm.painted[1001][np.hypot(at[None] - u, at[:, None] - v) < 0.04] = 1
         image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
         bpy.ops.vrtm.update()
-        self.assertIn(said.replace("1 feature", "4 features"), self.draw(arm.object))
+        self.assertIn(said.replace("1 feature", "4 features"), self.shown(arm.object))
         settings.seams = "auto"
         self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
         self.assertEqual(part("borders").chosen(arm.object).seams, "continue")
         self.check_solved(arm, seams="continue", open_borders="slide")
-        self.assertFalse([text for text in self.draw(arm.object) if "on seams" in text])
+        self.assertFalse([text for text in self.shown(arm.object) if "on seams" in text])
 
     def test_what_is_set_by_hand_is_obeyed(self):
         for given, expected in (
@@ -94,24 +93,20 @@ class Borders(Case):
         self.check_solved(arm, seams=better)
         why = f"rigid edges are strained by over a quarter more if shut, {harmed['keep']} if kept"
         line = f"Seams {better}, open borders fixed: new is not dilated; at frame 4 {harmed['shut']} {why}"
-        self.assertIn(line, self.draw(arm.object))
+        self.assertIn(line, self.shown(arm.object))
         # Other frames have the same.
         bpy.context.scene.frame_set(1)
-        self.assertIn(line, self.draw(arm.object))
+        self.assertIn(line, self.shown(arm.object))
         bpy.ops.vrtm.dilate()
         self.check_solved(arm, seams="continue", open_borders="slide")
 
     def test_nothing_slides_where_another_mesh_begins(self):
         arm = self.arm(dilated=False)
         hand = mesh_object("hand", arm.rest()[-24:])
-        hand.select_set(False)
-        bpy.context.view_layer.objects.active = arm.object
-        hand.location = (0, 0, 1)
-        bpy.context.view_layer.update()
-        for apart in (True, False):
-            if not apart:
-                hand.location = (0, 0, 0)
-                bpy.context.view_layer.update()
+        select(arm.object)
+        for apart in (1, 0):
+            hand.location = (0, 0, apart)
+            bpy.context.view_layer.update()
             bpy.ops.vrtm.dilate()
             found = part("borders").chosen(arm.object)
             self.assertEqual((found.seams, found.open_borders), ("continue", "slide" if apart else "fixed"))

@@ -75,6 +75,8 @@ class Build(unittest.TestCase):
                 ("vrtm-0.1.0-cp311-cp311-linux_x86_64.whl", "one version of Python only"),
                 ("vrtm-0.1.0-py3-none-any.whl", "none of Blender's platforms"),
                 ("vrtm.whl", "not that of a wheel"),
+                ("vrtm-0.1.0-py3-none-win_amd64.whl", "is no library for win_amd64"),
+                ("vrtm-0.1.0-py3-none-manylinux_2_36_aarch64.whl", "is no library for manylinux_2_36_aarch64"),
             ):
                 other = Path(folder) / name
                 other.write_bytes(wheel.read_bytes())
@@ -103,11 +105,6 @@ class Build(unittest.TestCase):
             ):
                 with self.assertRaisesRegex(tool.Refused, word):
                     tool.pack(edited(change))
-            for tag in ("win_amd64", "manylinux_2_36_aarch64"):
-                foreign = Path(folder) / f"vrtm-0.1.0-py3-none-{tag}.whl"
-                foreign.write_bytes(wheel.read_bytes())
-                with self.assertRaisesRegex(tool.Refused, f"is no library for {tag}"):
-                    tool.pack(foreign)
             broken = Path(folder) / "broken" / wheel.name
             broken.parent.mkdir()
             broken.write_bytes(b"no archive")

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from support import Arm, Case, bpy, mesh_object, part
+from support import Arm, Case, bpy, mesh_object, part, select
 
 
 def world(obj):
@@ -44,10 +44,7 @@ class Carry(Case):
         return [self.add(f"stud {k}", None, place) for k, place in enumerate(self.in_world(places))]
 
     def carry(self, *others, operator="carry", **settings):
-        bpy.ops.object.select_all(action="DESELECT")
-        for obj in (*others, self.skin):
-            obj.select_set(True)
-        bpy.context.view_layer.objects.active = self.skin
+        select(*others, self.skin)
         return getattr(bpy.ops.vrtm, operator)(**settings)
 
     def expected(self, places, **settings):
@@ -354,9 +351,7 @@ class Carry(Case):
         before = stud.matrix_basis.copy()
         # An earlier Blender has no point clouds of its own.
         if "POINTCLOUD" in bpy.ops.object.convert.get_rna_type().properties["target"].enum_items:
-            bpy.ops.object.select_all(action="DESELECT")
-            bpy.context.view_layer.objects.active = cloud
-            cloud.select_set(True)
+            select(cloud)
             bpy.ops.object.convert(target="POINTCLOUD")
             cloud = bpy.context.object
         self.assertEqual(self.carry(cloud, stud), {"FINISHED"})

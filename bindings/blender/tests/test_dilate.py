@@ -1,11 +1,8 @@
 """Seams that go on: what is set of the library, and copies of textures with what lies beyond seams."""
 
-import tempfile
-
 import numpy as np
 
-import test_panel
-from support import Arm, Case, bpy, delta, part, pixels, tiled
+from support import Arm, Case, bpy, part, pixels, tiled
 
 SIZE = 128
 
@@ -48,21 +45,6 @@ class Dilate(Case):
         self.assertLess(np.abs(found[rows, columns] - expected[rows, columns]).max(), 0.02)
         self.assertLess(np.abs(found[inside] - expected[inside]).max(), 0.005)
 
-    def test_what_is_set_is_solved(self):
-        arm = self.arm()
-        settings = arm.object.vrtm
-        bpy.ops.vrtm.update()
-        for changed in ({}, {"open_borders": "slide"}, {"seams": "keep"}, {"seam_reach": 0.05, "seams": "continue"}):
-            for name, value in changed.items():
-                setattr(settings, name, value)
-            bpy.ops.vrtm.update()
-            asset = arm.asset()
-            for tile in asset.tiles:
-                ways = {"seams": settings.seams, "open_borders": settings.open_borders}
-                tile.set_settings(tile.settings, seam_reach=settings.seam_reach, **ways)
-            asset.solve(arm.pose())
-            self.assertSame(delta(arm.object), arm.delta(asset))
-
     def test_a_copy_has_what_lies_beyond_the_seam(self):
         arm = self.arm()
         original = arm.texture.image
@@ -70,9 +52,9 @@ class Dilate(Case):
             bpy.ops.vrtm.dilate()
         bpy.ops.vrtm.set_up_material()
         said = "Textures end at seams: press Dilate Textures"
-        self.assertIn(said, test_panel.Panel.draw(self, arm.object))
+        self.assertIn(said, self.shown(arm.object))
         self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
-        self.assertNotIn(said, test_panel.Panel.draw(self, arm.object))
+        self.assertNotIn(said, self.shown(arm.object))
         copy = arm.texture.image
         self.assertEqual((copy.name, copy.vrtm_original), ("skin dilated", original))
         self.check(pixels(copy))
@@ -156,14 +138,14 @@ class Dilate(Case):
         self.assertLess(np.abs(bumps[4, 8:-8, :3] - (0.68, 0.74, 0.9)).max(), 0.03)
 
     def test_tiles(self):
-        with tempfile.TemporaryDirectory() as folder:
-            arm = self.arm(2, folder)
-            bpy.ops.vrtm.set_up_material()
-            bpy.ops.vrtm.dilate()
-            copy = arm.texture.image
-            self.assertEqual((copy.source, [tile.number for tile in copy.tiles]), ("TILED", [1001, 1002]))
-            self.reopened(folder)
-            tiles = part("maps").read_image(bpy.data.images["skin dilated"])
-            self.assertEqual(sorted(tiles), [1001, 1002])
-            for found in tiles.values():
-                self.check(found)
+        folder = self.scratch()
+        arm = self.arm(2, folder)
+        bpy.ops.vrtm.set_up_material()
+        bpy.ops.vrtm.dilate()
+        copy = arm.texture.image
+        self.assertEqual((copy.source, [tile.number for tile in copy.tiles]), ("TILED", [1001, 1002]))
+        self.reopened(folder)
+        tiles = part("maps").read_image(bpy.data.images["skin dilated"])
+        self.assertEqual(sorted(tiles), [1001, 1002])
+        for found in tiles.values():
+            self.check(found)

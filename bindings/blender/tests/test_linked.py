@@ -5,8 +5,7 @@ import os
 
 import numpy as np
 
-import test_panel
-from support import Arm, Case, bpy, in_file, nodes_of, part, pixels, rgba, studs
+from support import Arm, Case, asset_of, bpy, in_file, nodes_of, part, pixels, rgba, studs
 
 
 class LinkedCase(Case):
@@ -73,21 +72,11 @@ class LinkedCase(Case):
         self.assertIsNotNone(material.library)
         self.assertFalse([n for n in material.node_tree.nodes if part("nodes").is_ours(n)])
 
-    def shown(self, obj):
-        return test_panel.Panel.draw(self, obj)
-
     def expected(self, obj, rest, **options):
         """By the Python package alone, at frame 5: the deltas of all layers, and the layer of each face."""
-        import vrtm
-
         arm, scene = self.arm, bpy.context.scene
-        kept, counts = scene.frame_current, np.full(len(self.arm.faces), 4)
-        corners = arm.faces.ravel()
-        asset = vrtm.Asset(vrtm.Device("cpu"), rest, corners, face_counts=counts, uvs=arm.uvs, **options)
-        for tile in asset.tiles:
-            tile.set_settings(grid_width=arm.size, grid_height=arm.size)
-            if tile.layer == 0:
-                tile.set_rigidity(pixels(obj.vrtm.rigidity_image)[..., 0].copy(), origin="bottom")
+        kept, painted = scene.frame_current, {1001: pixels(obj.vrtm.rigidity_image)[..., 0].copy()}
+        asset = asset_of(rest, arm.faces, arm.uvs, arm.size, painted, **options)
         scene.frame_set(5)
         asset.solve(arm.pose(obj))
         scene.frame_set(kept)

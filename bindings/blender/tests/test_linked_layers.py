@@ -2,7 +2,6 @@
 cannot keep."""
 
 import os
-import tempfile
 from unittest import mock
 
 import numpy as np
@@ -104,7 +103,7 @@ class Pictures(test_layers.SheetsScene):
         self.camera((0, 0.6), 2.8)
 
     def test_it_looks_as_a_local_object_does(self):
-        folder = self.enterContext(tempfile.TemporaryDirectory())
+        folder = self.scratch()
         path, scene = os.path.join(folder, "character.blend"), bpy.context.scene
         self.local()
         bpy.ops.wm.save_as_mainfile(filepath=path)

@@ -2,10 +2,11 @@
 loop in background mode."""
 
 import threading
+from unittest import mock
 
 import numpy as np
 
-from support import Arm, Case, bpy, delta, part, pixels, poll_until, rgba, uv_layer
+from support import Arm, Case, bpy, delta, part, pixels, poll_until, rgba
 
 
 class Live(Case):
@@ -15,11 +16,8 @@ class Live(Case):
         self.states = part("states")
         self.session.live_in_background = True
 
-    def check(self, arm, asset=None):
-        asset = asset or arm.asset()
-        asset.solve(arm.pose(), quality=arm.object.vrtm.quality)
-        self.assertSame(delta(arm.object), arm.delta(asset))
-        self.assertSame(uv_layer(arm.mesh, arm.object.vrtm.uv_name), asset.corner_uvs())
+    def patch(self, owner, name, value):
+        self.enterContext(mock.patch.object(owner, name, value))
 
     def followed(self):
         """An arm with the result of frame 2, and a gate: while it is shut, no job ends that is not cancelled."""
@@ -35,8 +33,7 @@ class Live(Case):
                 gate.wait(0.001)
             return tell(job, fraction)
 
-        work._tell = held
-        self.addCleanup(setattr, work, "_tell", tell)
+        self.patch(work, "_tell", held)
         self.addCleanup(gate.set)
         return arm, gate
 
@@ -66,29 +63,24 @@ class Live(Case):
         state = self.states.find_state(arm.object)
         written = state.shown
         read, reads = self.live.solve.read, []
-        self.live.solve.read = lambda *a: reads.append(a) or read(*a)
-        try:
-            for _ in range(5):
-                # What the writes have caused was heard of while they were made.
-                bpy.context.view_layer.update()
-                self.idle()
-            self.assertEqual((reads, state.fresh), ([], True))
-            # An edit that changes nothing is looked at, and not solved again.
-            job, self.live.Work = self.live.Work, None
-            self.addCleanup(setattr, self.live, "Work", job)
-            arm.mesh.update_tag()
+        self.patch(self.live.solve, "read", lambda *a: reads.append(a) or read(*a))
+        for _ in range(5):
+            # What the writes have caused was heard of while they were made.
             bpy.context.view_layer.update()
             self.idle()
-        finally:
-            self.live.solve.read = read
+        self.assertEqual((reads, state.fresh), ([], True))
+        # An edit that changes nothing is looked at, and not solved again.
+        self.patch(self.live, "Work", None)
+        arm.mesh.update_tag()
+        bpy.context.view_layer.update()
+        self.idle()
         self.assertEqual((len(reads), state.shown, state.error), (1, written, False))
         self.assertTrue(state.fresh)
 
     def test_a_newer_pose_cancels_the_job(self):
         arm, gate = self.followed()
         jobs = []
-        patience, self.live.PATIENCE = self.live.PATIENCE, 1e9
-        self.addCleanup(setattr, self.live, "PATIENCE", patience)
+        self.patch(self.live, "PATIENCE", 1e9)
         for frame in (3, 4, 5):
             bpy.context.scene.frame_set(frame)
             state = self.states.find_state(arm.object)
@@ -101,8 +93,7 @@ class Live(Case):
 
     def test_a_steady_scrub_shows_something(self):
         arm, gate = self.followed()
-        patience, self.live.PATIENCE = self.live.PATIENCE, -1.0
-        self.addCleanup(setattr, self.live, "PATIENCE", patience)
+        self.patch(self.live, "PATIENCE", -1.0)
         bpy.context.scene.frame_set(3)
         state = self.states.find_state(arm.object)
         poll_until(lambda: state.job is not None)
@@ -120,11 +111,9 @@ class Live(Case):
         arm, gate = self.followed()
         gate.set()
         state, scene = self.states.find_state(arm.object), bpy.context.scene
-        for name in ("REST", "FRAME"):
-            self.addCleanup(setattr, self.live, name, getattr(self.live, name))
-
         # A solve that is as quick as a frame is no draft.
-        self.live.REST, self.live.FRAME = 1e9, 1e9
+        self.patch(self.live, "REST", 1e9)
+        self.patch(self.live, "FRAME", 1e9)
         scene.frame_set(3)
         self.idle()
         self.check(arm)
@@ -155,8 +144,7 @@ class Live(Case):
             prepared.apply = apply
             raise MemoryError("once")
 
-        self.addCleanup(setattr, prepared, "apply", apply)
-        prepared.apply = fail
+        self.patch(prepared, "apply", fail)
         arm.object.vrtm.live = True
         self.idle()
         state = self.states.find_state(arm.object)
@@ -273,9 +261,7 @@ class Live(Case):
 
     def test_problems_are_told_and_do_not_end_the_timer(self):
         arm, shown = Arm(), []
-        messages = part("messages")
-        self.addCleanup(setattr, messages, "status", messages.status)
-        messages.status = shown.append
+        self.patch(part("messages"), "status", shown.append)
         arm.paint_image()
         settings = arm.object.vrtm
         settings.rigidity_source, settings.rigidity_name = "VERTEX_GROUP", "nobody"

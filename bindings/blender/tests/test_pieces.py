@@ -3,7 +3,7 @@ lips."""
 
 import numpy as np
 
-from support import Case, bending, bpy, mesh_object, part, quads
+from support import Case, asset_of, bending, bpy, mesh_object, part, quads, select
 from test_carry import world
 
 SIDE, SIZE = 12, 64
@@ -58,10 +58,7 @@ class Pieces(Case):
     def wrapped(self, lips, obj, **settings):
         """The points in the skin's space at frame 5."""
         bpy.context.scene.frame_set(1)
-        bpy.ops.object.select_all(action="DESELECT")
-        for one in (obj, lips.object):
-            one.select_set(True)
-        bpy.context.view_layer.objects.active = lips.object
+        select(obj, lips.object)
         self.assertEqual(bpy.ops.vrtm.wrap(farthest=0.5, **settings), {"FINISHED"})
         bpy.context.scene.frame_set(5)
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
@@ -77,13 +74,7 @@ class Pieces(Case):
 
     def expected(self, lips, feet):
         """By the Python package alone."""
-        import vrtm
-
-        counts = np.full(len(lips.faces), 4)
-        asset = vrtm.Asset(vrtm.Device("cpu"), lips.rest, lips.faces.ravel(), face_counts=counts, uvs=lips.uvs)
-        for tile in asset.tiles:
-            tile.set_settings(grid_width=SIZE, grid_height=SIZE)
-            tile.set_rigidity(lips.rigidity, origin="bottom")
+        asset = asset_of(lips.rest, lips.faces, lips.uvs, SIZE, {1001: lips.rigidity})
         carrier = asset.carrier(positions=feet)
         asset.solve(lips.pose)
         return carrier.fetch("positions", "matrices", dtype=np.float64)

@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, load, mesh_object, nodes_of, part, rgba, sampled, studs
+from support import Arm, Case, bpy, load, mesh_object, nodes_of, part, rgba, sampled, select, studs
 
 
 def render(path=None, animation=False):
@@ -117,9 +117,7 @@ class Render(Scene):
                 for obj in (patch, cube):
                     self.material(obj, textured=False)[2].default_value = (*np.random.default_rng(1).random(3), 1)
                 for other, operator in ((patch, bpy.ops.vrtm.wrap), (cube, bpy.ops.vrtm.carry)):
-                    bpy.ops.object.select_all(action="DESELECT")
-                    other.select_set(True)
-                    bpy.context.view_layer.objects.active = arm.object
+                    select(other, arm.object)
                     self.assertEqual(operator(), {"FINISHED"})
                 # Also where the material shows what was baked.
                 arm.object.vrtm.shows_baked = persistent
@@ -226,19 +224,19 @@ class Render(Scene):
         generated = image_node(coordinates.outputs["Generated"])
         other = image_node(detail.outputs["UV"])
 
-        def source(node):
-            return node.inputs["Vector"].links[0].from_node
+        def source(node, name="Vector"):
+            return node.inputs[name].links[0].from_node
 
         self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
         self.assertEqual(obj.data.materials[0], material)
         group = source(texture)
         # What it read without a link: the map that renders. The node that is there is taken.
-        self.assertEqual((group.bl_idname, source_uv(group)), ("ShaderNodeGroup", coordinates))
+        self.assertEqual((group.bl_idname, source(group, "UV")), ("ShaderNodeGroup", coordinates))
         # In front of the mapping, and once for both that begin at the same socket.
         self.assertEqual(source(mapped), mapping)
         self.assertEqual(source(mapping), source(direct))
         self.assertEqual(source(direct).node_tree, group.node_tree)
-        self.assertEqual(source_uv(source(direct)), coordinates)
+        self.assertEqual(source(source(direct), "UV"), coordinates)
         self.assertEqual((source(generated), source(other)), (coordinates, detail))
         number = len(tree.nodes)
         # Again: nothing is inserted twice; by UV map, the group is exchanged.
@@ -262,10 +260,6 @@ class Render(Scene):
         self.assertEqual(arm.object.material_slots[0].material, material)
         self.assertNotEqual(copy.material_slots[0].material, material)
         self.assertFalse([node for node in material.node_tree.nodes if part("nodes").is_ours(node)])
-
-
-def source_uv(group):
-    return group.inputs["UV"].links[0].from_node
 
 
 def lookup(values, layout, u, v):

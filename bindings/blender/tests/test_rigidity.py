@@ -1,7 +1,5 @@
 """Rigidity images that are made, changed, painted on and packed."""
 
-import tempfile
-
 import numpy as np
 
 from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
@@ -202,12 +200,12 @@ class Rigidity(Case):
         self.assertEqual(sorted(found), [1001, 1002])
         self.assertEqual(min(pixels_[..., 0].min() for pixels_ in found.values()), 1)
         # From a texture with tiles.
-        with tempfile.TemporaryDirectory() as folder:
-            texture = arm.paint_tiles(folder, "albedo")
-            bpy.ops.vrtm.rigidity_from_texture(image=texture.name)
-            found = part("maps").read_image(arm.object.vrtm.rigidity_image)
-            for udim, values in arm.painted.items():
-                self.assertGreater(overlap(found[udim][..., 0], values), 0.9)
+        folder = self.scratch()
+        texture = arm.paint_tiles(folder, "albedo")
+        bpy.ops.vrtm.rigidity_from_texture(image=texture.name)
+        found = part("maps").read_image(arm.object.vrtm.rigidity_image)
+        for udim, values in arm.painted.items():
+            self.assertGreater(overlap(found[udim][..., 0], values), 0.9)
 
     def test_painting_and_packing(self):
         arm = Arm()

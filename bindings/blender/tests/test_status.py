@@ -1,30 +1,16 @@
 """The panel tells the truth: of frames, rigid texels, baked files, and the library's warnings."""
 
 import os
-import tempfile
 import types
-from typing import NamedTuple
 
 import numpy as np
 
 from support import Arm, Case, bpy, part, rgba
 
 
-class Entry(NamedTuple):
-    code: str
-    udim: int
-    values: tuple[float, ...]
-    message: str
-
-
 class Status(Case):
-    def setUp(self):
-        super().setUp()
-        self.status, self.session = part("status"), part("session")
-        self.states = part("states")
-
     def headline(self, arm):
-        if self.session.live_in_background:
+        if part("session").live_in_background:
             self.idle()
         return super().headline(arm.object)
 
@@ -32,7 +18,7 @@ class Status(Case):
         return super().notes(arm.object)
 
     def test_frames(self):
-        self.session.live_in_background = True
+        part("session").live_in_background = True
         arm = Arm()
         self.assertEqual(self.headline(arm), "Nothing is rigid yet")
         image = arm.paint_image()
@@ -86,7 +72,7 @@ class Status(Case):
         self.assertEqual(self.headline(arm), "Result is missing: see Status")
 
     def test_a_mesh_that_no_frame_changes_is_up_to_date_at_all(self):
-        self.session.live_in_background = True
+        part("session").live_in_background = True
         arm = Arm.with_studs()
         arm.rig.animation_data_clear()
         arm.mesh.shape_keys.animation_data_clear()
@@ -96,25 +82,19 @@ class Status(Case):
 
     def test_what_is_rigid(self):
         arm = Arm()
-        image, state = arm.paint_image(), self.states.state_of(arm.object)
+        image, state = arm.paint_image(), part("states").state_of(arm.object)
+        quarter = np.repeat(np.float32([[1, 0, 0, 0]]), 32, 1).repeat(128, 0)
         for values, rigid, note in (
-            (0, "0 %", "Nothing is rigid"),
-            (1, "100 %", "All is rigid"),
-            (None, None, ""),
+            (0 * quarter, "0 %", "Nothing is rigid"),
+            (0 * quarter + 1, "100 %", "All is rigid"),
+            (quarter, "25 %", ""),
         ):
-            if values is None:
-                pixels_ = np.zeros((128, 128), np.float32)
-                # The charts are v from .04 to .96.
-                pixels_[:, :32] = 1
-                rigid = "25 %"
-            else:
-                pixels_ = np.full((128, 128), values, np.float32)
-            image.pixels.foreach_set(rgba(pixels_).ravel())
+            image.pixels.foreach_set(rgba(values).ravel())
             bpy.ops.vrtm.update()
             self.assertEqual(dict(state.figures)["Rigid"], rigid)
             self.assertIn(note, self.notes(arm))
             self.assertEqual(bool(state.notes), bool(note))
-            self.assertIn(f"{rigid} rigid", self.status.summary(arm.object))
+            self.assertIn(f"{rigid} rigid", part("status").summary(arm.object))
         # Greys are weights, and neither nothing nor all.
         for value, note in ((0.25, "0.25 at most"), (0.75, "0.75 at least")):
             image.pixels.foreach_set(rgba(np.full((128, 128), value, np.float32)).ravel())
@@ -124,7 +104,7 @@ class Status(Case):
         name, arm.object.vrtm.uv_map = arm.object.vrtm.uv_map, "nobody"
         with self.assertRaises(RuntimeError):
             bpy.ops.vrtm.update()
-        self.assertEqual(self.status.summary(arm.object), "-")
+        self.assertEqual(part("status").summary(arm.object), "-")
         arm.object.vrtm.uv_map = name
         # An image with few texels.
         small = bpy.data.images.new("small", 7, 3)
@@ -165,45 +145,46 @@ class Status(Case):
         arm = Arm.with_studs()
         scene = bpy.context.scene
         scene.frame_start, scene.frame_end = 2, 4
-        with tempfile.TemporaryDirectory() as folder:
-            bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "file.blend"))
-            arm.object = bpy.data.objects["arm"]
-            bpy.context.view_layer.objects.active = arm.object
-            bpy.ops.vrtm.update()
-            self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-            names = sorted(os.listdir(os.path.join(folder, "vrtm")))
-            self.assertEqual(names, [f"arm.redirect.1001.{frame:04d}.exr" for frame in (2, 3, 4)])
-            # Compressed: differences of neighbours are small.
-            size = os.path.getsize(os.path.join(folder, "vrtm", names[1]))
-            self.assertLess(size, 0.6 * 128 * 128 * 16)
-            self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
-            image = next(iter(part("nodes").baked_images()))
-            self.assertEqual(image.filepath.replace("\\", "/"), "//vrtm/arm.redirect.1001.0002.exr")
-            scene.frame_set(3)
-            self.assertEqual(self.headline(arm), "Shows baked files")
-            for frame, nearest in ((1, 2), (9, 4)):
-                scene.frame_set(frame)
-                self.assertEqual(self.headline(arm), "Frame is not baked: see Status")
-                told = f"Frame {frame} is not in the baked files of frames 2 to 4: frame {nearest}"
-                self.assertIn(told, self.notes(arm))
-            # Files that are gone.
-            scene.frame_set(3)
-            os.remove(os.path.join(folder, "vrtm", names[1]))
+        folder = self.scratch()
+        bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "file.blend"))
+        arm.object = bpy.data.objects["arm"]
+        bpy.context.view_layer.objects.active = arm.object
+        bpy.ops.vrtm.update()
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        names = sorted(os.listdir(os.path.join(folder, "vrtm")))
+        self.assertEqual(names, [f"arm.redirect.1001.{frame:04d}.exr" for frame in (2, 3, 4)])
+        # Compressed: differences of neighbours are small.
+        size = os.path.getsize(os.path.join(folder, "vrtm", names[1]))
+        self.assertLess(size, 0.6 * 128 * 128 * 16)
+        self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
+        image = next(iter(part("nodes").baked_images()))
+        self.assertEqual(image.filepath.replace("\\", "/"), "//vrtm/arm.redirect.1001.0002.exr")
+        scene.frame_set(3)
+        self.assertEqual(self.headline(arm), "Shows baked files")
+        for frame, nearest in ((1, 2), (9, 4)):
+            scene.frame_set(frame)
             self.assertEqual(self.headline(arm), "Frame is not baked: see Status")
-            self.assertIn(f"{names[1]} is not there", self.notes(arm))
+            told = f"Frame {frame} is not in the baked files of frames 2 to 4: frame {nearest}"
+            self.assertIn(told, self.notes(arm))
+        # Files that are gone.
+        scene.frame_set(3)
+        os.remove(os.path.join(folder, "vrtm", names[1]))
+        self.assertEqual(self.headline(arm), "Frame is not baked: see Status")
+        self.assertIn(f"{names[1]} is not there", self.notes(arm))
 
     def test_lines_are_as_wide_as_the_panel(self):
         context = types.SimpleNamespace(region=types.SimpleNamespace(width=300), preferences=bpy.context.preferences)
         text = "Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"
-        lines = self.status._wrapped(text, context)
+        lines = part("status")._wrapped(text, context)
         self.assertGreater(len(lines), 1)
         self.assertEqual(" ".join(lines), text)
         context.region.width = 3000
-        self.assertEqual(self.status._wrapped(text, context), [text])
+        self.assertEqual(part("status")._wrapped(text, context), [text])
 
     def test_gaps_are_told_in_an_artists_words(self):
         prepared = part("prepared").Prepared()
-        said = Entry("nodes_at_gaps", 1001, (318.0,), "in other words")
+        entry = part("session").library().LogEntry
+        said = entry("warning", "nodes_at_gaps", 1001, 0, 0, (318.0,), "in other words")
         for _ in range(2):
             [told] = prepared.notes([said])
             self.assertTrue(told.startswith("Tile 1001: 318 points do not move, where UV edges nearly touch"), told)
