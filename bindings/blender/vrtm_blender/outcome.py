@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from . import layers, overlay, strain
+from . import features, layers, overlay, strain
 from .carriers import Moved
+from .features import Features
 from .prepared import Prepared
 from .result_image import Layout, layout_of, redirection
 
@@ -51,6 +52,7 @@ class Outcome:
     strain: np.ndarray | None  # (vertices, 4) float32: colours
     carried: dict[int, Moved]  # by the uids of objects
     figures: list[tuple[str, str]]
+    features: Features  # of the image
     notes: list[str]
 
 
@@ -69,12 +71,14 @@ def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
     if request.strain != "NONE":
         colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
     carried = prepared.carriers.fetch()
-    shown = figures(prepared, request, uvs)
+    # A UV map's own are not known.
+    found = Features() if request.by_uv_map else features.fetch(prepared)
+    shown = figures(prepared, request, uvs, found)
     told = told + notes(prepared, request)
-    return Outcome(layout, images, prepared.layers, uvs, surface, colours, carried, shown, told)
+    return Outcome(layout, images, prepared.layers, uvs, surface, colours, carried, shown, found, told)
 
 
-def figures(prepared: Prepared, request: Request, uvs: np.ndarray | None) -> list[tuple[str, str]]:
+def figures(prepared: Prepared, request: Request, uvs: np.ndarray | None, found: Features) -> list[tuple[str, str]]:
     """Labels and values of the last solve, for the panel; the strain is for the material's source, image or UV map."""
     report = prepared.asset.report()
     tiles = [tile.report() for tile in prepared.asset.tiles]
@@ -102,6 +106,9 @@ def figures(prepared: Prepared, request: Request, uvs: np.ndarray | None) -> lis
         if request.by_uv_map and uvs is not None:
             after = prepared.strain_of(request.positions, uvs)
         shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
+    if found.painted:
+        shown.append(("Over 0.05", f"{found.before} before, {found.after} after"))
+        shown.append(("Worse", f"{found.worse} of {found.painted} features"))
     return shown + prepared.carriers.figures()
 
 

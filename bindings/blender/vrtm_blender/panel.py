@@ -71,6 +71,7 @@ class VRTM_PT_view(bpy.types.Panel):
         layout.row().prop(settings, "strain", expand=True)
         for line in status.notes(context.object, context.scene):
             status.draw(layout, context, line)
+        draw_worst(layout, context.object)
 
 
 class VRTM_PT_quality(_Part, bpy.types.Panel):
@@ -187,6 +188,7 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
         if "On seams" in dict(status.figures(obj)):
             layout.operator("vrtm.dilate")
+        draw_worst(layout, obj)
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")
         for label, value in status.figures(obj):
@@ -236,7 +238,7 @@ class VRTM_MT_object(bpy.types.Menu):
         # Menus of objects run operators without asking; ours ask where they take long.
         layout.operator_context = "INVOKE_DEFAULT"
         for names in (
-            ("set_up", "update", "capture_rest"),
+            ("set_up", "update", "worst_feature", "capture_rest"),
             ("set_up_material", "dilate", "clear_material"),
             ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"),
             ("bake", "use_baked", "use_live", "remove_all"),
@@ -264,6 +266,11 @@ def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column(align=True)
     column.label(text=line.text, icon=line.icon)
     column.label(text=status.summary(obj), icon="BLANK1")
+
+
+def draw_worst(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
+    if status.features(obj).worst:
+        layout.operator("vrtm.worst_feature", icon="ZOOM_SELECTED")
 
 
 def object_menu(self, context: bpy.types.Context) -> None:

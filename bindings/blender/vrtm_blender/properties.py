@@ -162,7 +162,10 @@ class VrtmSettings(bpy.types.PropertyGroup):
         ],
         default="auto",
     )
-    measure: BoolProperty(name="Measure Strain", description="Also measure how much the features are strained. Slow")
+    measure: BoolProperty(
+        name="Measure Strain",
+        description="Also measure how much the features are strained, and which are worse than without vrtm. Slow",
+    )
     # In artists' words; solve.py has the library's.
     harm: FloatProperty(
         name="No Harm",

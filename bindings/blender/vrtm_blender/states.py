@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from . import session
+from .features import Features
 from .prepared import Inputs, Prepared
 from .work import Work
 
@@ -62,6 +63,8 @@ class State:
     # Notes of the library and of this add-on on the result that is shown.
     notes: list[str] = field(default_factory=list)
     figures: list[tuple[str, str]] = field(default_factory=list)
+    features: Features = field(default_factory=Features)
+    looked_at: int = 0  # presses of Show Worst Feature since then
 
     @property
     def asset(self) -> vrtm.Asset | None:

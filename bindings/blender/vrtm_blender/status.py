@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from . import borders, carry, dilate, geometry, keep, materials, nodes, result_image, results, states, tap
+from .features import Features
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
         return Line("Not what it should be: see Status", "ERROR")
     if dict(state.figures).get("Rigid") == "0 %":
         return Line("Nothing is rigid yet: see Status", "INFO")
-    return Line("Up to date", "INFO" if state.notes else "CHECKMARK")
+    return Line("Up to date", "INFO" if state.notes or state.features.are_many_worse else "CHECKMARK")
 
 
 def summary(obj: bpy.types.Object) -> str:
@@ -64,8 +65,18 @@ def summary(obj: bpy.types.Object) -> str:
 
 def figures(obj: bpy.types.Object) -> list[tuple[str, str]]:
     """Labels and values of the result that is shown, if there is one."""
+    return state.figures if (state := shown(obj)) else []
+
+
+def features(obj: bpy.types.Object) -> Features:
+    """Painted features of that result."""
+    return state.features if (state := shown(obj)) else Features()
+
+
+def shown(obj: bpy.types.Object) -> states.State | None:
+    """The object's state, unless an error is told in place of its result."""
     state = states.find_state(obj)
-    return [] if state is None or state.error or not obj.vrtm.is_set_up else state.figures
+    return None if state is None or state.error or not obj.vrtm.is_set_up else state
 
 
 def wrong(obj: bpy.types.Object) -> list[str]:
@@ -119,6 +130,9 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     if on_seams := dict(figures(obj)).get("On seams"):
         text = f"{on_seams} on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
         found.append(Line(text, "INFO"))
+    if (of := features(obj)).worse:
+        told = f"{of.worse} of {of.painted} feature{'s' * (of.painted > 1)} {'is' if of.worse == 1 else 'are'} worse"
+        found.append(Line(f"{told} than without vrtm: press Show Worst Feature", "INFO"))
     if settings.seams in ("continue", borders.AUTO) and dilate.left_of(obj):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     if geometry.is_linked(obj):

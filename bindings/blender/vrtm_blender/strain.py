@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from . import session
 from .geometry import Topology
 
 # The logarithm of a length's ratio at which colours are full: a quarter longer, or a fifth shorter.
@@ -88,7 +89,7 @@ def whole_share(topology: Topology, rigidity: Rigidity) -> float:
     """The share of the rigid part of the UV map in triangles that are rigid as a whole; 1 without any."""
     corners = topology.triangles
     rigid = _rigid(corners, topology.uvs, rigidity)
-    area = np.abs(_determinant(_sides(topology.uvs[corners].astype(np.float64))))
+    area = areas(topology.uvs[corners])
     total = (area * rigid.mean(1)).sum()
     return float((area * rigid.all(1)).sum() / total) if total else 1.0
 
@@ -106,6 +107,20 @@ def of_features(topology: Topology, rest: np.ndarray, pose: np.ndarray, shown: n
     strained = ((after / np.where(whole[:, None], before, 1) - 1) ** 2).mean(-1)
     weights = area * whole * _rigid(corners, shown, rigidity).mean(1)
     return float((weights * strained).sum() / max(weights.sum(), 1e-300)) ** 0.5
+
+
+def areas(uvs: np.ndarray) -> np.ndarray:
+    """Of triangles in the UV map, (n, 3, 2)."""
+    return np.abs(_determinant(_sides(uvs.astype(np.float64)))) / 2
+
+
+def located(uvs: np.ndarray, at: np.ndarray) -> tuple[int, np.ndarray]:
+    """The triangle of UVs (n, 3, 2), all with an area, that has a UV, or else comes nearest to it; and the weights of
+    its corners there, (3,)."""
+    weights = session.library("vrtm.bake.raster").weights_at(uvs.astype(np.float64), at)
+    found = int((weights.min(-1) * np.sqrt(areas(uvs))).argmax())
+    nearest = weights[found].clip(0)
+    return found, nearest / nearest.sum()
 
 
 def _rigid(corners: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> np.ndarray:

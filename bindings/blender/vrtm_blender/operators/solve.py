@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import bpy
+from mathutils import Vector
 
-from .. import geometry, live, messages, session, solve, states, tap
+from .. import features, geometry, live, messages, session, solve, states, status, tap
 from ..messages import Problem
 from .base import OnObject
 
@@ -134,4 +135,37 @@ class VRTM_OT_insert_tap(OnObject, bpy.types.Operator):
         return f"{obj.name}: the pose is read {'behind' if at.type in tap.DEFORMING else 'in front of'} {at.name!r}"
 
 
-CLASSES = (VRTM_OT_update, VRTM_OT_capture_rest, VRTM_OT_insert_tap)
+class VRTM_OT_worst_feature(OnObject, bpy.types.Operator):
+    """Turn a 3D view to the feature that is worst, compared with how it is without vrtm; again, to the next one"""
+
+    bl_idname = "vrtm.worst_feature"
+    bl_label = "Show Worst Feature"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def why_not(cls, context: bpy.types.Context) -> str | None:
+        text = "No feature is known to be worse: Measure Strain, and Update Now, find out"
+        return super().why_not(context) or (None if status.features(context.object).worst else text)
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        state = states.state_of(obj)
+        worst = state.features.worst
+        number = state.looked_at % len(worst)
+        state.looked_at += 1
+        one = worst[number].of
+        text = f"{obj.name}: number {number + 1} of the {len(worst)} worst features, at UV {one.u:.3f}, {one.v:.3f}"
+        text += f", is strained by {one.before:.3f} before, {one.after:.3f} after"
+        views = session.areas("VIEW_3D")
+        if not views:
+            return f"{text}; there is no 3D view to show it"
+        centre, normal, radius = features.in_world(obj, worst[number], context.evaluated_depsgraph_get())
+        # The button's own view, or else the largest one.
+        area = context.area if context.area in views else max(views, key=lambda area: area.width * area.height)
+        view = area.spaces.active.region_3d
+        view.view_perspective = "PERSP" if view.view_perspective == "CAMERA" else view.view_perspective
+        view.view_location, view.view_distance = centre, 8 * radius
+        view.view_rotation = Vector(normal).to_track_quat("Z", "Y")
+        return text
+
+
+CLASSES = (VRTM_OT_update, VRTM_OT_capture_rest, VRTM_OT_insert_tap, VRTM_OT_worst_feature)
