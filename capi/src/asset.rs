@@ -82,8 +82,8 @@ pub unsafe extern "C" fn vrtm_asset_get_tile(
 ) -> vrtm_status {
     guard("vrtm_asset_get_tile", || {
         let out = Place::new(tile, "tile")?;
-        let tiles = handle::asset(asset)?.tile_count();
-        ensure!((index as usize) < tiles, "index is {index}, but the asset has {tiles} tiles");
+        let tiles = handle::asset(asset)?.info.tiles;
+        ensure!(index < tiles, "index is {index}, but the asset has {tiles} tiles");
         out.write(handle::tile_handle(asset, index as usize));
         Ok(())
     })

@@ -1,5 +1,6 @@
 //! Checks a host's pointers and converts them to Rust values: structs that may grow, arrays, bytes.
 
+use std::ffi::c_void;
 use std::mem::{MaybeUninit, align_of, size_of};
 use std::ptr;
 
@@ -172,6 +173,21 @@ pub(super) unsafe fn slice_mut<'a, T: Copy>(
     check_span(pointer, count, name)?;
     // SAFETY: as in `slice`, and no other thread touches the memory during the call.
     Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
+}
+
+/// The pointer that a host's functions get, on whichever thread they are called.
+#[derive(Clone, Copy)]
+pub(super) struct User(pub *mut c_void);
+
+// SAFETY: the library only passes it on, and the header tells the host on which threads its functions are called.
+unsafe impl Send for User {}
+// SAFETY: as above.
+unsafe impl Sync for User {}
+
+impl User {
+    pub fn pointer(self) -> *mut c_void {
+        self.0
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::adapter::{adapter_id, vrtm_adapter_by};
 use super::allocator::{self, vrtm_allocator};
-use super::desc::{self, Out, Place, Sized32, sized};
+use super::desc::{self, Out, Place, Sized32, User, sized};
 use super::executor::{HostExecutor, vrtm_executor};
 use super::guard::guard;
 use super::handle::{DEVICES, vrtm_device};
@@ -149,13 +149,8 @@ impl Default for vrtm_device_desc {
 /// A host's log function and its user data.
 struct HostLog {
     call: unsafe extern "C" fn(*mut c_void, *const vrtm_log_entry),
-    user: *mut c_void,
+    user: User,
 }
-
-// SAFETY: the header tells the host that its function is called from any thread that calls into vrtm.
-unsafe impl Send for HostLog {}
-// SAFETY: as above.
-unsafe impl Sync for HostLog {}
 
 impl HostLog {
     fn write(&self, entry: &LogEntry) {
@@ -176,7 +171,7 @@ impl HostLog {
                 ..Sized32::zeroed()
             };
             // SAFETY: the host vouches for the function and for its user data.
-            unsafe { (self.call)(self.user, &entry) }
+            unsafe { (self.call)(self.user.pointer(), &entry) }
         }
     }
 }
@@ -184,7 +179,7 @@ impl HostLog {
 unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     let backend = Backend::from_c(desc.backend, "desc.backend")?;
     let log = desc.log.map(|call| {
-        let host = HostLog { call, user: desc.log_user };
+        let host = HostLog { call, user: User(desc.log_user) };
         Arc::new(move |entry: &LogEntry| host.write(entry)) as LogFn
     });
     // SAFETY: the host's pointer.

@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use super::desc::{self, sized};
+use super::desc::{self, User, sized};
 use super::status::{Failure, Outcome};
 use crate::hook;
 use vrtm_core::team::{Executor, Task};
@@ -41,20 +41,12 @@ pub struct vrtm_executor {
 // SAFETY: repr(C), struct_size first, plain numbers and pointers.
 sized!(vrtm_executor);
 
-type ParallelFor = unsafe extern "C" fn(*mut c_void, usize, vrtm_task_fn, *mut c_void);
-type Spawn = unsafe extern "C" fn(*mut c_void, vrtm_task_fn, *mut c_void);
-
 /// A host's functions.
 pub(super) struct HostExecutor {
-    parallel_for: ParallelFor,
-    spawn: Option<Spawn>,
-    user: *mut c_void,
+    parallel_for: unsafe extern "C" fn(*mut c_void, usize, vrtm_task_fn, *mut c_void),
+    spawn: vrtm_spawn_fn,
+    user: User,
 }
-
-// SAFETY: the header tells the host that its functions are called from any thread.
-unsafe impl Send for HostExecutor {}
-// SAFETY: as above.
-unsafe impl Sync for HostExecutor {}
 
 impl HostExecutor {
     /// Reads a host's executor; null gives `None`.
@@ -66,7 +58,7 @@ impl HostExecutor {
         let from = unsafe { desc::read(executor, name) }?;
         let parallel_for =
             from.parallel_for.ok_or_else(|| Failure::argument(format!("{name}.parallel_for is null")))?;
-        Ok(Some(HostExecutor { parallel_for, spawn: from.spawn, user: from.user }))
+        Ok(Some(HostExecutor { parallel_for, spawn: from.spawn, user: User(from.user) }))
     }
 }
 
@@ -89,7 +81,7 @@ impl Executor for HostExecutor {
     fn parallel_for(&self, count: usize, task: &(dyn Fn(usize) + Sync)) {
         let data = (&raw const task).cast_mut().cast();
         // SAFETY: the host vouches for its function, which returns after all calls of the task.
-        unsafe { (self.parallel_for)(self.user, count, Some(run_index), data) }
+        unsafe { (self.parallel_for)(self.user.pointer(), count, Some(run_index), data) }
     }
 
     fn spawn(&self, task: Task) -> Result<(), Task> {
@@ -97,7 +89,7 @@ impl Executor for HostExecutor {
         #[expect(clippy::disallowed_methods, reason = "of constant size")]
         let data = Box::into_raw(Box::new(task)).cast();
         // SAFETY: the host vouches for its function; it calls the task once, which frees it.
-        unsafe { spawn(self.user, Some(run_task), data) };
+        unsafe { spawn(self.user.pointer(), Some(run_task), data) };
         Ok(())
     }
 }

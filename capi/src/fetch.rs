@@ -117,30 +117,24 @@ impl vrtm_fetch {
             self.carrier.id == 0 && self.carried.is_null(),
             "{name}.carrier and carried are given, but the kind is not CARRIED"
         );
-        let sets = asset.info.uv_sets;
+        let (set, sets) = (self.uv_set, asset.info.uv_sets);
+        let is_of_set = matches!(self.kind, VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA);
+        ensure!(!is_of_set || set < sets, "{name}.uv_set is {set}, but the mesh has {sets} UV sets");
+        ensure!(is_of_set || set == 0, "{name}.uv_set is {set}, but the kind is not of a UV set");
         let kind = match self.kind {
-            VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA if self.uv_set >= sets => {
-                let message = format!("{name}.uv_set is {}, but the mesh has {sets} UV sets", self.uv_set);
-                return Err(Failure::argument(message));
-            }
-            VRTM_FETCH_UV_SET => FetchKind::UvSet(self.uv_set),
-            VRTM_FETCH_UV_SET_DELTA => FetchKind::UvSetDelta(self.uv_set),
-            _ if self.uv_set != 0 => {
-                let message = format!("{name}.uv_set is {}, but the kind is not of a UV set", self.uv_set);
-                return Err(Failure::argument(message));
-            }
+            VRTM_FETCH_UV_SET => FetchKind::UvSet(set),
+            VRTM_FETCH_UV_SET_DELTA => FetchKind::UvSetDelta(set),
             kind => fetch_kind(kind, &format!("{name}.kind"))?,
         };
         let name_of_image = format!("{name}.image");
         // SAFETY: the host's pointer.
         let target = unsafe { Target::read(self.image, &name_of_image, kind) }?;
-        let whole = ([self.whole_width, self.whole_height], [self.x, self.y]);
-        if whole.0 == [0, 0] && whole.1 != [0, 0] {
-            let [x, y] = whole.1;
-            let message = format!("{name}.x and y are {x} and {y}, but whole_width and whole_height are 0");
-            return Err(Failure::argument(message));
-        }
-        let whole = (whole.0 != [0, 0]).then_some(whole);
+        let (size, [x, y]) = ([self.whole_width, self.whole_height], [self.x, self.y]);
+        ensure!(
+            size != [0, 0] || [x, y] == [0, 0],
+            "{name}.x and y are {x} and {y}, but whole_width and whole_height are 0"
+        );
+        let whole = (size != [0, 0]).then_some((size, [x, y]));
         Ok((Checked::Image { name: name_of_image, tile, kind, target, whole }, asset.results.clone()))
     }
 

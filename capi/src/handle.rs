@@ -11,12 +11,11 @@
 
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 
 use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
-use vrtm::Asset;
-use vrtm::Device;
+use vrtm::{Asset, Device};
 use vrtm_core::panics::lock;
 
 /// A device: where assets are solved. Created by vrtm_device_create, destroyed by vrtm_device_destroy. Zero = no
@@ -117,14 +116,10 @@ impl<T> Table<T> {
         Table { kind, name, entries: Mutex::new(Entries { next: 0, live: BTreeMap::new() }) }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Entries<T>> {
-        lock(&self.entries)
-    }
-
     /// Adds an object; returns its handle's number.
     pub fn add(&self, value: T) -> Outcome<u64> {
         let value = Arc::new(value);
-        let mut entries = self.lock();
+        let mut entries = lock(&self.entries);
         if entries.next == 0 {
             let random = RandomState::new().build_hasher().finish();
             entries.next = 1 + (random & ((1 << (SERIAL_BITS - 2)) - 1));
@@ -140,7 +135,7 @@ impl<T> Table<T> {
     }
 
     fn find(&self, serial: u64) -> Option<Arc<T>> {
-        self.lock().live.get(&serial).cloned()
+        lock(&self.entries).live.get(&serial).cloned()
     }
 
     /// The living object of the handle that is given as `argument`.
@@ -152,7 +147,7 @@ impl<T> Table<T> {
     /// Ends a handle; returns its object.
     pub fn remove(&self, id: u64) -> Outcome<Arc<T>> {
         let (serial, _) = unpack(self.kind, id).ok_or_else(|| gone(self.name, self.name, id))?;
-        let mut entries = self.lock();
+        let mut entries = lock(&self.entries);
         let removed = entries.live.remove(&serial);
         if entries.live.is_empty() {
             // An emptied tree keeps its root, which unloading the library would leave behind.
@@ -174,8 +169,8 @@ fn gone(argument: &str, kind: &str, id: u64) -> Failure {
 
 pub(super) fn add_asset(asset: Asset) -> Outcome<vrtm_asset> {
     let shared = SharedAsset::new(asset);
-    let tiles = shared.tile_count();
-    if tiles > MAX_TILES {
+    let tiles = shared.info.tiles;
+    if tiles as usize > MAX_TILES {
         return Err(Failure::unsupported(format!("desc.uvs: {tiles} tiles are over {MAX_TILES}")));
     }
     Ok(vrtm_asset { id: ASSETS.add(shared)? })
@@ -195,7 +190,7 @@ pub(super) fn tile_handle(asset: vrtm_asset, tile: usize) -> vrtm_tile {
 pub(super) fn tile(argument: &str, handle: vrtm_tile) -> Outcome<(Arc<SharedAsset>, usize)> {
     unpack(Kind::Tile, handle.id)
         .and_then(|(serial, tile)| Some((ASSETS.find(serial)?, tile)))
-        .filter(|(asset, tile)| *tile < asset.tile_count())
+        .filter(|(asset, tile)| *tile < asset.info.tiles as usize)
         .ok_or_else(|| gone(argument, "tile", handle.id))
 }
 
@@ -239,6 +234,6 @@ mod tests {
         });
         let distinct: std::collections::BTreeSet<_> = serials.iter().collect();
         assert_eq!(distinct.len(), serials.len());
-        assert_eq!(table.lock().live.len(), 2000);
+        assert_eq!(lock(&table.entries).live.len(), 2000);
     }
 }

@@ -187,10 +187,6 @@ impl Job {
 
 static JOBS: Table<Job> = Table::new(Kind::Job, "job");
 
-fn living(handle: vrtm_job) -> Outcome<Arc<Job>> {
-    JOBS.get("job", handle.id)
-}
-
 /// Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
 /// are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`.
 ///
@@ -223,7 +219,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         claim.announce(&checked.control);
         let work = Work { claim, positions, dirty_vertices, checked: checked.without_dirty_vertices() };
         let handle = vrtm_job { id: JOBS.add(Job::new(work))? };
-        let job = living(handle)?;
+        let job = JOBS.get("job", handle.id)?;
         let own = job.clone();
         #[expect(
             clippy::disallowed_methods,
@@ -261,7 +257,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
 pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_status {
     guard("vrtm_job_wait", || {
         let time = (timeout_ms != VRTM_FOREVER).then(|| Duration::from_millis(timeout_ms.into()));
-        living(job)?.wait(time)
+        JOBS.get("job", job.id)?.wait(time)
     })
 }
 
@@ -275,7 +271,7 @@ pub unsafe extern "C" fn vrtm_job_get_progress(
 ) -> vrtm_status {
     guard("vrtm_job_get_progress", || {
         let out = Out::new(progress, "progress")?;
-        let job = living(job)?;
+        let job = JOBS.get("job", job.id)?;
         let progress = job.control.progress();
         let now = job.submitted.elapsed().as_secs_f32() * 1000.0;
         let (state, status, ms) = match &*lock(&job.state) {
@@ -297,7 +293,7 @@ pub unsafe extern "C" fn vrtm_job_get_progress(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_cancel", || {
-        living(job)?.cancel();
+        JOBS.get("job", job.id)?.cancel();
         Ok(())
     })
 }
@@ -310,7 +306,7 @@ pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_destroy", || {
-        let living = living(job)?;
+        let living = JOBS.get("job", job.id)?;
         living.check_thread()?;
         living.cancel();
         // The outcome no longer matters. The handle stays valid while waiting, so that other threads can ask for

@@ -129,22 +129,15 @@ unsafe fn uv_source<'a>(set: &vrtm_uv_set, name: &str) -> Outcome<UvSource<'a>> 
     // SAFETY: all of these are the host's pointers, valid during the call.
     unsafe {
         let indices = desc::slice_or_none(uv_indices, uv_index_count, &format!("{name}.uv_indices"))?;
-        match (uvs.is_null(), u.is_null() && v.is_null()) {
-            (false, true) => Ok(UvSource { u: strided(uvs, 2, &format!("{name}.uvs"))?, v: None, indices }),
-            (true, false) => {
-                let u = strided(u, 1, &format!("{name}.u"))?;
-                let v = strided(v, 1, &format!("{name}.v"))?;
-                Ok(UvSource { u, v: Some(v), indices })
-            }
-            (true, true) => {
-                let message = format!("{name}.uvs is null, and so are {name}.u and {name}.v");
-                Err(Failure::argument(message))
-            }
-            (false, false) => {
-                let message = format!("{name}.uvs is given, so {name}.u and {name}.v must be null");
-                Err(Failure::argument(message))
-            }
+        let (has_pairs, has_axes) = (!uvs.is_null(), !u.is_null() || !v.is_null());
+        ensure!(has_pairs || has_axes, "{name}.uvs is null, and so are {name}.u and {name}.v");
+        ensure!(!has_pairs || !has_axes, "{name}.uvs is given, so {name}.u and {name}.v must be null");
+        if has_pairs {
+            return Ok(UvSource { u: strided(uvs, 2, &format!("{name}.uvs"))?, v: None, indices });
         }
+        let u = strided(u, 1, &format!("{name}.u"))?;
+        let v = strided(v, 1, &format!("{name}.v"))?;
+        Ok(UvSource { u, v: Some(v), indices })
     }
 }
 

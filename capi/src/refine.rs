@@ -98,10 +98,6 @@ impl SharedRefinement {
 
 static REFINEMENTS: Table<SharedRefinement> = Table::new(Kind::Refinement, "refinement");
 
-fn living(handle: vrtm_refinement) -> Outcome<Arc<SharedRefinement>> {
-    REFINEMENTS.get("refinement", handle.id)
-}
-
 /// Refines the mesh of an asset for its last result, for hosts that support only UV sets. Where the mesh is coarser
 /// than the painted detail, its own corner UVs recover less than the map, since a renderer interpolates linearly
 /// between corners. Here triangles are split until the interpolated UV is nowhere farther from the redirection than the
@@ -146,7 +142,7 @@ pub unsafe extern "C" fn vrtm_refinement_create(
 /// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_extend(refinement: vrtm_refinement) -> vrtm_status {
-    guard("vrtm_refinement_extend", || living(refinement)?.extend())
+    guard("vrtm_refinement_extend", || REFINEMENTS.get("refinement", refinement.id)?.extend())
 }
 
 /// Gets the sizes and the accuracy of a refinement. Never busy.
@@ -159,7 +155,7 @@ pub unsafe extern "C" fn vrtm_refinement_get_info(
 ) -> vrtm_status {
     guard("vrtm_refinement_get_info", || {
         let out = Out::new(info, "info")?;
-        out.write(living(refinement)?.present().info().into());
+        out.write(REFINEMENTS.get("refinement", refinement.id)?.present().info().into());
         Ok(())
     })
 }
@@ -174,7 +170,7 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
     pattern: *const vrtm_refinement_pattern,
 ) -> vrtm_status {
     guard("vrtm_refinement_fetch_pattern", || {
-        let refinement = living(refinement)?.present();
+        let refinement = REFINEMENTS.get("refinement", refinement.id)?.present();
         // SAFETY: the host's pointer.
         let p = unsafe { desc::read(pattern, "pattern") }?;
         let info = refinement.info();
@@ -253,7 +249,7 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
     count: usize,
 ) -> vrtm_status {
     guard("vrtm_refinement_fetch_corner_uvs", || {
-        let refinement = living(refinement)?.present();
+        let refinement = REFINEMENTS.get("refinement", refinement.id)?.present();
         let corners = refinement.info().corners;
         ensure!(count as u64 == corners, "count is {count}, but the refinement has {corners} corners");
         // SAFETY: the host vouches for `count` pairs during the call.

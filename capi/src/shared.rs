@@ -4,7 +4,7 @@
 
 use std::cell::UnsafeCell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY};
 use vrtm::Asset;
@@ -19,7 +19,6 @@ pub(super) struct SharedAsset {
     /// Facts about the mesh.
     pub info: AssetInfo,
     pub results: Results,
-    tiles: usize,
     /// Number of calls that read the asset; `WRITER` while one call changes it.
     users: AtomicUsize,
     asset: UnsafeCell<Asset>,
@@ -39,16 +38,11 @@ impl SharedAsset {
         SharedAsset {
             info: asset.info(),
             results: asset.results().clone(),
-            tiles: asset.tile_count(),
             users: AtomicUsize::new(0),
             asset: UnsafeCell::new(asset),
             solving: Mutex::default(),
             ended: AtomicBool::new(false),
         }
-    }
-
-    pub fn tile_count(&self) -> usize {
-        self.tiles
     }
 
     /// For calls that only read; any number may run at once.
@@ -81,7 +75,7 @@ impl SharedAsset {
 
     /// Cancels the solve in progress, if any.
     pub fn cancel(&self) {
-        if let Some(control) = &*self.solving() {
+        if let Some(control) = &*lock(&self.solving) {
             control.cancel();
         }
     }
@@ -90,10 +84,6 @@ impl SharedAsset {
     pub fn end(&self) {
         self.ended.store(true, Ordering::SeqCst);
         self.cancel();
-    }
-
-    fn solving(&self) -> MutexGuard<'_, Option<Arc<Control>>> {
-        lock(&self.solving)
     }
 }
 
@@ -109,7 +99,7 @@ impl Claim {
 
     /// Registers the solve that the claim is for, so that the asset's owner can cancel it, even before it begins.
     pub fn announce(&self, control: &Arc<Control>) {
-        *self.0.solving() = Some(control.clone());
+        *lock(&self.0.solving) = Some(control.clone());
         if self.0.ended.load(Ordering::SeqCst) {
             control.cancel();
         }
@@ -125,7 +115,7 @@ impl Claim {
 impl Drop for Claim {
     fn drop(&mut self) {
         // Clear this first: once the asset is released, another claim may announce its own solve.
-        *self.0.solving() = None;
+        *lock(&self.0.solving) = None;
         self.0.users.store(0, Ordering::Release);
     }
 }
@@ -142,16 +132,17 @@ mod tests {
     use vrtm::Device;
     use vrtm_core::mesh::{MeshSource, UvSource};
     use vrtm_core::settings::DeviceSettings;
-    use vrtm_core::view::{Scalar, Strided};
+    use vrtm_core::view::Strided;
 
     fn triangle() -> Arc<SharedAsset> {
         let device = Device::new(&DeviceSettings::default()).unwrap();
-        let uvs = [0.0f32, 0.0, 1.0, 0.0, 0.0, 1.0].map(f32::to_ne_bytes);
-        let uvs = Strided::new("uvs", uvs.as_flattened(), Scalar::F32, 2, 3, 0).unwrap();
         let mesh = MeshSource {
             positions: Strided::from_f32x3(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
             indices: &[0, 1, 2],
-            uvs: UvSource { u: uvs, v: None, indices: None },
+            uvs: UvSource {
+                u: Strided::from_f32x2(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+                ..UvSource::default()
+            },
             ..MeshSource::default()
         };
         Arc::new(SharedAsset::new(Asset::new(&device, &mesh).unwrap()))

@@ -4,7 +4,7 @@ use std::ffi::c_void;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
-use super::desc;
+use super::desc::{self, User};
 use super::fetch::{Wanted, vrtm_fetch};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
@@ -112,8 +112,9 @@ impl<'a> CheckedOptions<'a> {
             from.release
         );
         let control = from.progress.map_or_else(Control::new, |call| {
-            let host = HostProgress { call, user: from.progress_user };
-            Control::with_progress(Arc::new(move |progress| host.tell(progress)))
+            let user = User(from.progress_user);
+            // SAFETY: the host vouches for the function and for its user data.
+            Control::with_progress(Arc::new(move |progress| unsafe { call(user.pointer(), progress) != 0 }))
         });
         Ok(CheckedOptions {
             options: from.settings()?,
@@ -143,25 +144,6 @@ impl<'a> CheckedOptions<'a> {
     /// These options without the host's list of dirty vertices, of which a job keeps a copy.
     pub fn without_dirty_vertices<'b>(self) -> CheckedOptions<'b> {
         CheckedOptions { dirty_vertices: None, ..self }
-    }
-}
-
-/// A host's progress function and its user data.
-struct HostProgress {
-    call: unsafe extern "C" fn(*mut c_void, f32) -> u32,
-    user: *mut c_void,
-}
-
-// SAFETY: the header tells the host on which threads its function is called.
-unsafe impl Send for HostProgress {}
-// SAFETY: as above.
-unsafe impl Sync for HostProgress {}
-
-impl HostProgress {
-    /// Reports progress; true if the host cancels.
-    fn tell(&self, progress: f32) -> bool {
-        // SAFETY: the host vouches for the function and for its user data.
-        unsafe { (self.call)(self.user, progress) != 0 }
     }
 }
 
