@@ -130,30 +130,24 @@ impl Form {
 
     /// The offset from the texel's centre to the redirected UV that a value stands for: the inverse of `value`.
     #[inline(always)]
-    pub fn delta(self, value: [f64; 2], centre: [f64; 2]) -> [f64; 2] {
-        let origin = match self {
-            Form::Tile => DVec2::ZERO,
-            Form::Udim(origin) => origin,
-            Form::Delta => return value,
-        };
-        (DVec2::from(value) - origin - DVec2::from(centre)).into()
+    pub fn delta(self, value: DVec2, centre: DVec2) -> DVec2 {
+        match self {
+            Form::Tile => value - centre,
+            Form::Udim(origin) => value - origin - centre,
+            Form::Delta => value,
+        }
     }
 }
 
 /// The smallest Jacobian at a corner of a quad of four neighbouring texels, 1 where nothing moves. The bilinear
 /// interpolation between the texels is one-to-one if it is positive. `deltas` are the offsets in UV from the texels'
 /// centres to the redirected UVs, beginning with the two at the quad's lower side; `size` is the map's size in texels.
-pub(crate) fn smallest_jacobian(deltas: [[f64; 2]; 4], size: [f64; 2]) -> f64 {
+pub(crate) fn smallest_jacobian(deltas: [DVec2; 4], size: DVec2) -> f64 {
     // The places of the texels, in texels.
-    let at = |k: usize| {
-        let delta = deltas[k];
-        [(k % 2) as f64 + delta[0] * size[0], (k / 2) as f64 + delta[1] * size[1]]
-    };
-    let (a, b, c, d) = (at(0), at(1), at(2), at(3));
-    let way = |from: [f64; 2], to: [f64; 2]| [to[0] - from[0], to[1] - from[1]];
-    let cross = |e: [f64; 2], f: [f64; 2]| e[0] * f[1] - e[1] * f[0];
-    let (low, high, left, right) = (way(a, b), way(c, d), way(a, c), way(b, d));
-    let smallest = cross(low, left).min(cross(low, right)).min(cross(high, left)).min(cross(high, right));
+    let [a, b, c, d] = [0, 1, 2, 3].map(|k| DVec2::new((k % 2) as f64, (k / 2) as f64) + deltas[k] * size);
+    let (left, right) = (c - a, d - b);
+    let at_ends = |side: DVec2| side.perp_dot(left).min(side.perp_dot(right));
+    let smallest = at_ends(b - a).min(at_ends(d - c));
     // Coarsely rounded neighbours may be equal: the rounding error of their distance must not count as a positive area.
     if smallest.abs() < 1e-11 { 0.0 } else { smallest }
 }

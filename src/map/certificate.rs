@@ -5,6 +5,8 @@ pub(crate) mod desc;
 mod error;
 mod strip;
 
+use glam::DVec2;
+
 use crate::device::Device;
 use vrtm_core::allocation::vec;
 use vrtm_core::error::Result;
@@ -31,25 +33,18 @@ pub(crate) fn inspect(
 ) -> Result<MapReport> {
     let reader = &mut Reader { device, team, mesh, solved, outputs: Outputs::default() };
     let (folds, min_jacobian) = count_folds(reader, desc, u64::MAX)?;
-    let errors = error::measure(reader, desc)?;
-    let mut sufficient = (folds == 0).then_some(desc.size);
+    let [error_rms, error_p99, error_max] = error::measure(reader, desc)?;
+    let mut sufficient_size = (folds == 0).then_some(desc.size);
     for size in near_sizes(desc.size) {
-        if sufficient.is_some() {
+        if sufficient_size.is_some() {
             break;
         }
         // One fold decides, so counting stops there.
         let (folds, _) = count_folds(reader, &MapDesc { size, ..*desc }, 1)?;
-        sufficient = (folds == 0).then_some(size);
+        sufficient_size = (folds == 0).then_some(size);
     }
-    Ok(MapReport {
-        size: desc.size,
-        folds,
-        min_jacobian,
-        error_rms: errors.rms,
-        error_p99: errors.p99,
-        error_max: errors.max,
-        sufficient_size: sufficient,
-    })
+    let size = desc.size;
+    Ok(MapReport { size, folds, min_jacobian, error_rms, error_p99, error_max, sufficient_size })
 }
 
 /// The sizes to try if a map folds: twice and four times its size, which are closer to the redirection, then halves,
@@ -67,7 +62,7 @@ fn near_sizes(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
 /// Counts the quads of a map that fold, and finds the smallest Jacobian at a corner of one; stops early at `enough`.
 fn count_folds(reader: &mut Reader, desc: &MapDesc, enough: u64) -> Result<(u64, f64)> {
     let [width, height] = desc.sizes();
-    let size = [width as f64, height as f64];
+    let size = DVec2::new(width as f64, height as f64);
     let (mut all, mut min_jacobian) = (0, 1.0);
     for rows in bands(width, height) {
         let strip = reader.read(desc, rows.clone())?;

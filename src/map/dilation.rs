@@ -4,10 +4,9 @@
 use glam::DVec2;
 
 use super::canvas::Canvas;
-use vrtm_beyond::bands::{BAND, Bands};
+use vrtm_beyond::bands::Bands;
 use vrtm_beyond::{CollarTriangle, Surface, collar};
-use vrtm_core::allocation::{Vec, vec};
-use vrtm_core::grid::fill::Fill;
+use vrtm_core::allocation::Vec;
 use vrtm_core::image::ImageViewMut;
 use vrtm_core::mesh::Mesh;
 use vrtm_core::mesh::triangle::barycentrics;
@@ -22,13 +21,7 @@ struct Found {
     uv: DVec2,
 }
 
-struct Band {
-    texels: Vec<Found>,
-    pieces: Vec<Piece>,
-}
-
 /// A triangle of a collar.
-#[derive(Clone, Copy)]
 struct Piece {
     uv: [DVec2; 3],
     /// Its corners on the surface, in the UV plane of all tiles, and their distances from the border.
@@ -52,51 +45,32 @@ pub(crate) fn write(team: &Team, mesh: &Mesh, tile: usize, reach: f64, image: &m
         collar.triangles.iter().map(piece).collect()
     };
     let pieces = team.map(mesh.tiles[tile].charts.len(), of_chart);
+    let pieces: Vec<Piece> = pieces.into_iter().flatten().collect();
     let mut charts = Bands::new(part, false);
     // True for texels whose centre lies in a chart: all layers of the tile share one texture.
     mesh.layers(tile).for_each(|layer| {
-        charts.draw(team, &mesh.tiles[layer].triangles, |_, _, _, covered| *covered = true);
+        charts.draw(team, &mesh.tiles[layer].triangles, |t| t.uv, |_, _, _, covered| *covered = true);
     });
-    let [width, height] = part.extent();
-    let rows = |band: usize| BAND.min(height - band * BAND);
-    let band = |band: usize| Band { texels: vec![NOTHING; rows(band) * width], pieces: Vec::new() };
-    let mut bands: Vec<Band> = (0..height.div_ceil(BAND)).map(band).collect();
-    for piece in pieces.iter().flatten() {
-        let rows = piece.uv.map(|uv| uv.y * part.size[1] as f64 - 0.5 - part.first[1] as f64);
-        let band = |y: f64| (y / BAND as f64).max(0.0) as usize;
-        let [low, high] = [rows.into_iter().reduce(f64::min), rows.into_iter().reduce(f64::max)];
-        let (low, high) = (low.map_or(0, band), high.map_or(0, |y| band(y) + 1));
-        bands.iter_mut().take(high).skip(low).for_each(|band| band.pieces.push(*piece));
-    }
+    let mut texels = Bands::new(part, NOTHING);
+    let put = |k: usize, corners, at, texel: &mut Found| {
+        let Piece { source: [a, b, c], distance: [p, q, r], .. } = pieces[k];
+        let [s, t] = barycentrics(corners, at);
+        let distance = p + s * (q - p) + t * (r - p);
+        if distance < texel.distance && distance <= reach {
+            *texel = Found { distance, uv: a + s * (b - a) + t * (c - a) };
+        }
+    };
+    texels.draw(team, &pieces, |piece| piece.uv, put);
     let (origin, canvas) = (mesh.tiles[tile].origin(), Canvas::new(image));
     let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
-    team.fill_large(&mut bands, |band, Band { texels, pieces }| {
-        let first = [part.first[0], part.first[1] + band * BAND];
-        let end = [part.end[0], first[1] + texels.len() / width];
-        for piece in &*pieces {
-            let corners = piece.uv.map(|uv| uv * size - 0.5);
-            Fill::new(corners).visit_in(first, end, |x, y, _| {
-                let texel = &mut texels[(y - first[1]) * width + x - first[0]];
-                let [s, t] = barycentrics(corners, DVec2::new(x as f64, y as f64));
-                let [p, q, r] = piece.distance;
-                let distance = p + s * (q - p) + t * (r - p);
-                if distance < texel.distance && distance <= reach {
-                    let [a, b, c] = piece.source;
-                    *texel = Found { distance, uv: a + s * (b - a) + t * (c - a) };
-                }
-            });
-        }
-        for (y, row) in texels.chunks_exact(width).enumerate() {
-            let covered = charts.row(band * BAND + y);
-            for (x, found) in row.iter().enumerate() {
-                let at = [first[0] + x, first[1] + y].map(|k| k as f64 + 0.5);
-                let own = DVec2::from(at) / size + origin;
-                let (uv, known) = match (covered[x], found.distance.is_finite()) {
-                    (false, true) => (found.uv, 1.0),
-                    (covered, _) => (own, f64::from(u8::from(covered))),
-                };
-                canvas.put(x, band * BAND + y, [uv.x, uv.y, 0.0, known]);
-            }
+    team.run(part.extent()[1], |y| {
+        for (x, (found, &covered)) in texels.row(y).iter().zip(charts.row(y)).enumerate() {
+            let at = [part.first[0] + x, part.first[1] + y].map(|k| k as f64 + 0.5);
+            let (uv, known) = match covered || !found.distance.is_finite() {
+                true => (DVec2::from(at) / size + origin, f64::from(u8::from(covered))),
+                false => (found.uv, 1.0),
+            };
+            canvas.put(x, y, [uv.x, uv.y, 0.0, known]);
         }
     });
 }

@@ -6,17 +6,15 @@ use crate::device::Device;
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::planes::Plane;
-use vrtm_core::image::ImagePart;
-use vrtm_core::image::{ImageViewMut, TexelLayout};
+use vrtm_core::image::{ImagePart, ImageViewMut, TexelLayout};
 use vrtm_core::mesh::{Corner, Mesh, NONE};
 use vrtm_core::team::Team;
 
-use super::FetchKind;
-use super::Form;
 use super::canvas::Canvas;
 use super::inverse::{self, Area, Centres, Outputs, Room};
 use super::nodes::{self, NodeRows};
 use super::uv_set::OtherSet;
+use super::{FetchKind, Form};
 use crate::solved::Solved;
 use vrtm_beyond::bands::Bands;
 use vrtm_beyond::gutter::LimitedTexels;
@@ -108,20 +106,18 @@ impl<'a> Output<'a> {
                     })?;
                 }
                 if let Some(mut coverage) = coverage {
-                    coverage.draw(team, &solved.mesh.triangles, |_, _, _, covered| *covered = true);
+                    coverage.draw(team, &solved.mesh.triangles, |t| t.uv, |_, _, _, covered| *covered = true);
                     team.run(part.extent()[1], |y| {
                         let row = coverage.row(y).iter().enumerate();
                         row.for_each(|(x, &covered)| canvas.put_from(ALPHA, x, y, [f64::from(covered)]));
                     });
                 }
             }
-            Content::Jacobian { is_scale: false } => {
-                inverse::jacobians(team, solved, &area, |x, y, [[a, b], [c, d]]| {
-                    canvas.put(x, y, [a, b, c, d])
+            Content::Jacobian { is_scale } => {
+                inverse::jacobians(team, solved, &area, |x, y, [[a, b], [c, d]]| match is_scale {
+                    true => canvas.put(x, y, [largest_stretch([[a, b], [c, d]])]),
+                    false => canvas.put(x, y, [a, b, c, d]),
                 })?;
-            }
-            Content::Jacobian { is_scale: true } => {
-                inverse::jacobians(team, solved, &area, |x, y, j| canvas.put(x, y, [largest_stretch(j)]))?;
             }
             Content::OtherSet { centres, set } => {
                 let set = set.draw(team);

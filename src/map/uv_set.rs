@@ -42,7 +42,7 @@ impl<'a> OtherSet<'a> {
             let id = |tile: &TileMesh| (tile.uv_set, tile.udim, tile.layer);
             id(tile) == id(surface)
         };
-        let part_of = |uvs| OtherSet::with(surface, uvs, is_delta, part);
+        let set = |uvs| OtherSet { surface, uvs, part: *part, is_delta, under: Bands::new(part, NONE) };
         if uv_set == surface.uv_set {
             let place = |t: usize| match surface.source(t) {
                 Some(source) => (source.uv, mesh.tiles[source.tile as usize].origin()),
@@ -52,7 +52,7 @@ impl<'a> OtherSet<'a> {
                 let (uvs, origin) = place(t);
                 uvs.map(|uv| uv + origin)
             };
-            return part_of((0..surface.triangles.len()).map(of).collect());
+            return set((0..surface.triangles.len()).map(of).collect());
         }
         let own = mesh.tiles.iter().position(|tile| is_own(tile)).unwrap_or(0);
         let of_set = &mesh.corners[uv_set as usize];
@@ -69,12 +69,7 @@ impl<'a> OtherSet<'a> {
             let corners = mesh.tiles[tile].triangles[source.triangle as usize].uv;
             uvs.push(source.uv.map(|uv| affine(corners, of_source, uv)));
         }
-        part_of(uvs)
-    }
-
-    fn with(surface: &'a TileMesh, uvs: Vec<[DVec2; 3]>, is_delta: bool, part: &ImagePart) -> OtherSet<'a> {
-        let under = Bands::new(part, NONE);
-        OtherSet { surface, uvs, part: *part, is_delta, under }
+        set(uvs)
     }
 
     /// Finds the triangles under the texels' centres.
@@ -82,11 +77,8 @@ impl<'a> OtherSet<'a> {
         let OtherSet { surface, uvs, part, is_delta, mut under } = self;
         let [width, height] = part.extent();
         let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
-        under.draw(team, &surface.triangles[..surface.own()], |t, _, _, texel| {
-            if *texel == NONE {
-                *texel = t as u32;
-            }
-        });
+        let put = |t: usize, _, _, texel: &mut u32| *texel = if *texel == NONE { t as u32 } else { *texel };
+        under.draw(team, &surface.triangles[..surface.own()], |triangle| triangle.uv, put);
         let under = under.into_texels();
         let covered = under.iter().map(|&t| t != NONE).collect();
         let under = (0..MARGIN).fold(under, |under, _| grown(team, &under, width));

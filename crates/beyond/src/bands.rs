@@ -5,11 +5,10 @@ use glam::DVec2;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
-use vrtm_core::mesh::Triangle;
 use vrtm_core::team::Team;
 
 /// Rows that one item of work draws.
-pub const BAND: usize = 64;
+const BAND: usize = 64;
 
 /// A value for each texel of a part of an image, in bands of rows, from v = 0 upward.
 pub struct Bands<T> {
@@ -25,12 +24,13 @@ impl<T: Clone + Send> Bands<T> {
         Bands { part: *part, bands }
     }
 
-    /// Calls `put(t, corners, at, texel)` for the texels whose centre lies in a triangle or on its side, where places
-    /// are in texels of the whole image.
-    pub fn draw(
+    /// Calls `put(t, corners, at, texel)` for the texels whose centre lies in a triangle, by its UVs, or on its side,
+    /// where places are in texels of the whole image.
+    pub fn draw<P: Sync>(
         &mut self,
         team: &Team,
-        triangles: &[Triangle],
+        triangles: &[P],
+        uv: impl Fn(&P) -> [DVec2; 3] + Sync,
         put: impl Fn(usize, [DVec2; 3], DVec2, &mut T) + Sync,
     ) {
         let (part, width) = (self.part, self.part.extent()[0]);
@@ -39,7 +39,7 @@ impl<T: Clone + Send> Bands<T> {
             let first = [part.first[0], part.first[1] + band * BAND];
             let end = [part.end[0], first[1] + texels.len() / width];
             for (t, triangle) in triangles.iter().enumerate() {
-                let corners = triangle.uv.map(|uv| uv * size - 0.5);
+                let corners = uv(triangle).map(|uv| uv * size - 0.5);
                 Fill::new(corners).visit_in(first, end, |x, y, _| {
                     let texel = &mut texels[(y - first[1]) * width + x - first[0]];
                     put(t, corners, DVec2::new(x as f64, y as f64), texel);

@@ -49,9 +49,8 @@ impl Owners {
     /// Draws the charts of a tile with collars.
     pub fn draw(&mut self, team: &Team, tile: &TileMesh) {
         let charts = tile.chart_of_triangles();
-        self.0.draw(team, &tile.triangles, |t, corners, at, owner| {
-            owner.draw(tile, (t, charts[t]), corners, at);
-        });
+        let draw = |t, corners, at, owner: &mut Owner| owner.draw(tile, (t, charts[t]), corners, at);
+        self.0.draw(team, &tile.triangles, |triangle| triangle.uv, draw);
     }
 
     /// True if a point lies in a chart, not beside all.

@@ -1,7 +1,6 @@
 //! The description of a map that a host asks about, and the report on it.
 
-use crate::map::{FetchKind, Form};
-use crate::solved::Solved;
+use crate::map::FetchKind;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::format::PixelFormat;
 use vrtm_core::settings::MAX_GRID;
@@ -48,20 +47,13 @@ impl MapDesc {
         if !matches!(self.format, PixelFormat::F16 | PixelFormat::F32) {
             return Err(Error::new(ErrorKind::Unsupported, "format must be f16 or f32 for an output"));
         }
-        match self.size.iter().all(|n| (1..=MAX_GRID).contains(n)) {
-            true => Ok(()),
-            false => Err(Error::argument(format!(
-                "size: {}x{}, but a side is from 1 to {}",
-                self.size[0], self.size[1], MAX_GRID
-            ))),
-        }
+        let [width, height] = self.size;
+        let fits = |side: u32| (1..=MAX_GRID).contains(&side);
+        ensure!(fits(width) && fits(height), "size: {width}x{height}, but a side is from 1 to {MAX_GRID}");
+        Ok(())
     }
 
     pub(crate) fn sizes(&self) -> [usize; 2] {
         self.size.map(|n| n as usize)
-    }
-
-    pub(crate) fn form(&self, solved: &Solved) -> Form {
-        Form::new(self.kind, &solved.mesh)
     }
 }

@@ -1,5 +1,7 @@
 //! Measures how far the interpolated map is from the redirection.
 
+use glam::DVec2;
+
 use vrtm_beyond::bands::Bands;
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
@@ -9,12 +11,6 @@ use vrtm_core::image::format::PixelFormat;
 use super::desc::MapDesc;
 use super::strip::{Reader, bands};
 use crate::map::FetchKind;
-
-pub struct Errors {
-    pub rms: f64,
-    pub p99: f64,
-    pub max: f64,
-}
 
 const ITEMS: usize = 16;
 
@@ -27,18 +23,15 @@ struct Found {
 }
 
 /// Measures the error of a map on a lattice of samples: at least two per texel and per cell of the grid along each
-/// axis. Only samples in charts count.
-pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
+/// axis. Only samples in charts count. Returns the RMS, the 99th percentile and the maximum.
+pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<[f64; 3]> {
     let size = desc.sizes();
     let level = &reader.solved.grid.levels[0];
     let cells = [level.nx, level.ny];
     let per_texel = [0, 1].map(|axis| (2 * cells[axis]).div_ceil(size[axis]).max(2));
     let samples = [0, 1].map(|axis| size[axis] * per_texel[axis]);
-    let exact_desc = MapDesc {
-        kind: FetchKind::RedirectionDelta,
-        format: PixelFormat::F32,
-        size: samples.map(|n| n as u32),
-    };
+    let (kind, format) = (FetchKind::RedirectionDelta, PixelFormat::F32);
+    let exact_desc = MapDesc { kind, format, size: samples.map(|n| n as u32) };
     let mut all: Vec<Found> = (0..ITEMS).map(|_| Found::new()).collect();
     // The range in which interpolation has four texels around it: from the first texel's centre to the last one's.
     let reached = |axis: usize| {
@@ -57,7 +50,7 @@ pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
         let map = reader.read(desc, texel(rows.start)..(texel(rows.end - 1) + 2).min(size[1]))?;
         let part = ImagePart { size: samples, first: [0, rows.start], end: [samples[0], rows.end] };
         let mut charts = Bands::new(&part, false);
-        charts.draw(reader.team, &reader.solved.mesh.triangles, |_, _, _, covered| *covered = true);
+        charts.draw(reader.team, &reader.solved.mesh.triangles, |t| t.uv, |_, _, _, covered| *covered = true);
         reader.team.fill_large(&mut all, |k, found| {
             for y in rows.start + k * rows.len() / ITEMS..rows.start + (k + 1) * rows.len() / ITEMS {
                 let (covered, exact) = (charts.row(y - rows.start), exact.row(y));
@@ -67,7 +60,7 @@ pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
                     let (i, s) = place(x, per_texel[0]);
                     let next = (i + 1).min(size[0] - 1);
                     let corners = [low[i], low[next], high[i], high[next]];
-                    found.add(distance(exact[x], interpolated(corners, s, t)));
+                    found.add(exact[x].distance(interpolated(corners, s, t)));
                 }
             }
         });
@@ -82,16 +75,9 @@ fn place(sample: usize, per_texel: usize) -> (usize, f64) {
 }
 
 /// Bilinear interpolation of the values of four texels, beginning with those of the lower row.
-fn interpolated([a, b, c, d]: [[f64; 2]; 4], s: f64, t: f64) -> [f64; 2] {
-    [0, 1].map(|k| {
-        let (low, high) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
-        low + t * (high - low)
-    })
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    let d = [a[0] - b[0], a[1] - b[1]];
-    (d[0] * d[0] + d[1] * d[1]).sqrt()
+fn interpolated([a, b, c, d]: [DVec2; 4], s: f64, t: f64) -> DVec2 {
+    let (low, high) = (a + s * (b - a), c + s * (d - c));
+    low + t * (high - low)
 }
 
 impl Found {
@@ -106,8 +92,8 @@ impl Found {
         self.bins[((error as f32).to_bits() >> 16) as usize & 0x7fff] += 1;
     }
 
-    /// Combines the findings of all items, in order.
-    fn sum(all: &[Found]) -> Errors {
+    /// Combines the findings of all items, in order: RMS, 99th percentile and maximum.
+    fn sum(all: &[Found]) -> [f64; 3] {
         let count: u64 = all.iter().map(|found| found.count).sum();
         let squares: f64 = all.iter().map(|found| found.squares).sum();
         let max = all.iter().map(|found| found.max).fold(0.0, f64::max);
@@ -123,6 +109,6 @@ impl Found {
         }
         // The upper end of the bin.
         let p99 = f64::from(f32::from_bits((bin as u32 + 1) << 16)).min(max);
-        Errors { rms: (squares / count.max(1) as f64).sqrt(), p99, max }
+        [(squares / count.max(1) as f64).sqrt(), p99, max]
     }
 }

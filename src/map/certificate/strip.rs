@@ -2,16 +2,18 @@
 
 use std::ops::Range;
 
+use glam::DVec2;
 use half::f16;
 
 use crate::device::Device;
-use vrtm_core::allocation::{Vec, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::image::format::PixelFormat;
 use vrtm_core::image::{ImageLayout, ImagePart, ImageViewMut, Origin};
 use vrtm_core::team::Team;
 
 use super::desc::MapDesc;
+use crate::map::Form;
 use crate::map::fetch::Output;
 use crate::map::inverse::Outputs;
 use crate::solved::Solved;
@@ -30,53 +32,43 @@ pub struct Reader<'a> {
 pub struct Strip {
     first: usize,
     width: usize,
-    deltas: Vec<[f64; 2]>,
+    deltas: Vec<DVec2>,
 }
 
 impl Reader<'_> {
     /// Reads the given rows of a map, as a host would get them.
     pub fn read(&mut self, desc: &MapDesc, rows: Range<usize>) -> Result<Strip> {
-        let bytes = self.write(desc, rows.clone())?;
-        Ok(self.decode(desc, rows, &bytes))
-    }
-
-    /// Writes rows of a map as for a host.
-    fn write(&mut self, desc: &MapDesc, rows: Range<usize>) -> Result<Vec<u8>> {
-        let size = desc.sizes();
-        let mut bytes = zeroed(rows.len() * size[0] * 2 * desc.format.size());
+        let (size, form) = (desc.sizes(), Form::new(desc.kind, &self.solved.mesh));
+        let (width, channel) = (size[0], desc.format.size());
+        let mut bytes = zeroed(rows.len() * width * 2 * channel);
         let layout = ImageLayout::packed(desc.size[0], rows.len() as u32, desc.format);
         let layout = ImageLayout { origin: Origin::Bottom, ..layout };
-        let part = ImagePart { size, first: [0, rows.start], end: [size[0], rows.end] };
+        let part = ImagePart { size, first: [0, rows.start], end: [width, rows.end] };
         let mut image = ImageViewMut::new("map", &mut bytes, layout)?;
         let output = Output::new(self.mesh, self.solved, desc.kind, &part, &image.layout)?;
         output.write(self.device, self.team, &mut self.outputs, &mut image)?;
-        Ok(bytes)
-    }
-
-    fn decode(&self, desc: &MapDesc, rows: Range<usize>, bytes: &[u8]) -> Strip {
-        let (size, form) = (desc.sizes(), desc.form(self.solved));
-        let (width, channel) = (size[0], desc.format.size());
-        let mut deltas = zeroed::<[f64; 2]>(rows.len() * width);
-        let mut lines: Vec<&mut [[f64; 2]]> = deltas.chunks_exact_mut(width).collect();
+        let mut deltas = vec![DVec2::ZERO; rows.len() * width];
+        let mut lines: Vec<&mut [DVec2]> = deltas.chunks_exact_mut(width).collect();
+        let extent = DVec2::new(width as f64, size[1] as f64);
         self.team.fill(&mut lines, |k, line| {
             let bytes = &bytes[k * width * 2 * channel..][..width * 2 * channel];
-            let v = (rows.start + k) as f64 + 0.5;
             for (x, (delta, texel)) in line.iter_mut().zip(bytes.chunks_exact(2 * channel)).enumerate() {
                 let value = [&texel[..channel], &texel[channel..]].map(|b| match desc.format {
                     PixelFormat::F16 => f64::from(f16::from_ne_bytes([b[0], b[1]])),
                     _ => f64::from(f32::from_ne_bytes([b[0], b[1], b[2], b[3]])),
                 });
-                *delta = form.delta(value, [(x as f64 + 0.5) / size[0] as f64, v / size[1] as f64]);
+                let centre = DVec2::new(x as f64, (rows.start + k) as f64) + 0.5;
+                *delta = form.delta(value.into(), centre / extent);
             }
         });
-        Strip { first: rows.start, width, deltas }
+        Ok(Strip { first: rows.start, width, deltas })
     }
 }
 
 impl Strip {
     /// The offsets from a row's texel centres to the redirected UVs that are written there; rows count from the whole
     /// map's first.
-    pub fn row(&self, y: usize) -> &[[f64; 2]] {
+    pub fn row(&self, y: usize) -> &[DVec2] {
         &self.deltas[(y - self.first) * self.width..][..self.width]
     }
 }
