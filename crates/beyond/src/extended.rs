@@ -309,18 +309,14 @@ fn set_depths(tile: &mut TileMesh, collar: Range<usize>, reach: f64) {
             let left = tile.sources[t - own as usize].distance.map(|d| 1.0 - f64::from(d) / reach);
             [0, 1, 2].map(|k| {
                 let key = tile.triangles[t].uv[k].to_array().map(f64::to_bits);
-                match numbers.get(&key) {
-                    Some(&number) => {
-                        let depth = &mut depths[number as usize];
-                        *depth = depth.min(left[k].max(0.0));
-                        number
-                    }
-                    None => {
-                        enter(&mut numbers, key, depths.len() as u32);
-                        depths.push(left[k].max(0.0));
-                        depths.len() as u32 - 1
-                    }
+                let number = numbers.get(&key).copied().unwrap_or(depths.len() as u32);
+                if number as usize == depths.len() {
+                    enter(&mut numbers, key, number);
+                    depths.push(f64::INFINITY);
                 }
+                let depth = &mut depths[number as usize];
+                *depth = depth.min(left[k].max(0.0));
+                number
             })
         })
         .collect();

@@ -2,6 +2,9 @@
 //! measure of a chart's part in the blend there. On a rigid feature it is the same everywhere, so that the
 //! feature moves as one piece; around features it changes little faster than elsewhere.
 
+use std::mem::replace;
+use std::sync::Arc;
+
 use glam::DVec2;
 
 use super::lattice::cells;
@@ -10,8 +13,8 @@ use super::places::{OnChart, Place, Places, beside_mirror, depth_of, sheets};
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, Plane};
-use vrtm_core::mesh::NONE;
 use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::sets::root;
 use vrtm_core::team::Team;
 
@@ -51,15 +54,8 @@ pub struct Depths<'a> {
 impl<'a> Depths<'a> {
     /// The depths at the nodes of the grids of some tiles; those of tiles without one are 1 on the chart itself.
     pub fn new(team: &Team, places: &Places, grids: &[Option<&'a Grid>]) -> Depths<'a> {
-        let mut charts = 0;
-        let first_chart: Vec<u32> = places
-            .tiles
-            .iter()
-            .map(|tile| {
-                charts += tile.charts.len() as u32;
-                charts - tile.charts.len() as u32
-            })
-            .collect();
+        let next = |sum: &mut u32, tile: &Arc<TileMesh>| Some(replace(sum, *sum + tile.charts.len() as u32));
+        let first_chart: Vec<u32> = places.tiles.iter().scan(0, next).collect();
         let (mut kinds, mut beyond): (Vec<Vec<Plane<Kind>>>, Links) = (Vec::new(), Vec::new());
         for (t, grid) in grids.iter().enumerate() {
             let count = grid.map_or(0, |grid| grid.levels[0].blocks.list.len());
@@ -323,49 +319,43 @@ impl<'a> Depths<'a> {
 
     /// The parts that the charts that have a place take in the blend, in their order.
     pub(super) fn parts(&self, places: &Places, place: Place, sheets: &[OnChart]) -> Vec<f32> {
-        let own = 4
-            * (self.first_chart[place.tile as usize]
-                + places.tiles[place.tile as usize].chart_of_triangle(place.triangle));
+        let chart = places.tiles[place.tile as usize].chart_of_triangle(place.triangle);
+        let own = 4 * (self.first_chart[place.tile as usize] + chart);
         let keys: Vec<u32> = sheets.iter().map(|on| self.key(on, own)).collect();
+        let alone = |key: u32| f32::from(u8::from(key == own));
         let tile = &self.tiles[place.tile as usize];
         let mut weights: Vec<f32> = vec![0.0; keys.len()];
         let mut whole = 0.0;
         if let Some(grid) = tile.grid {
-            let chart = places.tiles[place.tile as usize].chart_of_triangle(place.triangle);
             let at = place.uv * cells(&grid.levels[0]);
             let cell = at.floor();
             let part = at - cell;
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let Some((b, s)) = node_of(grid, chart, cell.x as i64 + dx, cell.y as i64 + dy) else {
-                    continue;
-                };
-                let n = tile.number[b][s];
-                if n == NONE {
+                let node = node_of(grid, chart, cell.x as i64 + dx, cell.y as i64 + dy);
+                let number = node.map_or(NONE, |(b, s)| tile.number[b][s]);
+                if number == NONE {
                     continue;
                 }
                 let [wx, wy] = [(dx, part.x), (dy, part.y)].map(|(d, p)| if d == 1 { p } else { 1.0 - p });
                 let weight = (wx * wy) as f32;
                 whole += weight;
                 for (sum, &key) in weights.iter_mut().zip(&keys) {
-                    let depth = if n == FAR { f32::from(u8::from(key == own)) } else { self.depth(n, key) };
+                    let depth = if number == FAR { alone(key) } else { self.depth(number, key) };
                     *sum += weight * depth;
                 }
             }
         }
-        if whole <= 0.0 {
-            // Beside all nodes of its chart, the chart alone counts.
-            weights.iter_mut().zip(&keys).for_each(|(w, &key)| *w = f32::from(u8::from(key == own)));
-            return weights;
+        if whole > 0.0 {
+            weights.iter_mut().for_each(|w| *w = smooth(*w / whole));
+            self.hold(sheets, &mut weights);
+            let sum: f32 = weights.iter().sum();
+            if sum > 0.0 {
+                weights.iter_mut().for_each(|w| *w /= sum);
+                return weights;
+            }
         }
-        weights.iter_mut().for_each(|w| *w = smooth(*w / whole));
-        self.hold(sheets, &mut weights);
-        let sum: f32 = weights.iter().sum();
-        if sum > 0.0 {
-            weights.iter_mut().for_each(|w| *w /= sum);
-        } else {
-            weights.iter_mut().zip(&keys).for_each(|(w, &key)| *w = f32::from(u8::from(key == own)));
-        }
-        weights
+        // Beside all nodes of its chart, too, the chart alone counts.
+        keys.into_iter().map(alone).collect()
     }
 
     /// Gives charts that cannot move their whole weight, and the others what is left of 1: at their seams nothing

@@ -47,22 +47,23 @@ pub(super) fn add(
     changes: &[[Plane; 2]],
 ) -> Limited {
     let count = level.blocks.list.len();
+    let chart = |b: u32| level.blocks.list[b as usize].chart as usize;
     let mut index = vec![u32::MAX; count];
     blocks.iter().enumerate().for_each(|(k, &b)| index[b as usize] = k as u32);
     let charts = level.blocks.of_chart.len();
     let mut is_changed: Vec<bool> = zeroed(charts);
-    blocks.iter().for_each(|&b| is_changed[level.blocks.list[b as usize].chart as usize] = true);
+    blocks.iter().for_each(|&b| is_changed[chart(b)] = true);
     let active: Vec<u32> = (0..count as u32)
         .filter(|&b| level.blocks.list[b as usize].active)
-        .filter(|&b| is_changed[level.blocks.list[b as usize].chart as usize])
+        .filter(|&b| is_changed[chart(b)])
         .collect();
     let mut slopes: Vec<f32> = vec![SLOPE; charts];
     for (&b, change) in blocks.iter().zip(changes) {
-        let slope = &mut slopes[level.blocks.list[b as usize].chart as usize];
         let largest = change.as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        let slope = &mut slopes[chart(b)];
         *slope = slope.min(STEP / largest.max(STEP));
     }
-    let slope = |b: u32| slopes[level.blocks.list[b as usize].chart as usize];
+    let slope = |b: u32| slopes[chart(b)];
     let mut fractions: Vec<Plane> = vec![[1.0; NODES]; count];
     // The blocks with a fraction under 1: what is not next to one of them stays as it is.
     let mut is_less: Vec<bool> = zeroed(count);
@@ -96,7 +97,7 @@ pub(super) fn add(
         let mut is_open: Vec<bool> = zeroed(charts);
         for (&b, (_, factors)) in beside.iter().zip(&factors) {
             let Some(factors) = factors else { continue };
-            is_open[level.blocks.list[b as usize].chart as usize] = true;
+            is_open[chart(b)] = true;
             is_less[b as usize] = true;
             for (fraction, &factor) in fractions[b as usize].iter_mut().zip(factors).filter(|of| *of.1 < 1.0)
             {
@@ -104,7 +105,7 @@ pub(super) fn add(
                 *fraction = if less < SMALLEST || round == ROUNDS { 0.0 } else { less };
             }
         }
-        open.retain(|&b| is_open[level.blocks.list[b as usize].chart as usize]);
+        open.retain(|&b| is_open[chart(b)]);
         for _ in 0..PASSES {
             let around = near(&is_less, &open);
             let next = team
@@ -127,12 +128,11 @@ pub(super) fn add(
     let mut is_limited: Vec<bool> = zeroed(charts);
     for &b in blocks {
         let is_whole = fractions[b as usize].iter().all(|&f| f >= 1.0);
-        is_limited[level.blocks.list[b as usize].chart as usize] |= !is_whole;
+        is_limited[chart(b)] |= !is_whole;
     }
     let mut certificates: Vec<Option<Certificate>> = vec![None; charts];
     for &b in &active {
-        let chart = level.blocks.list[b as usize].chart as usize;
-        certificates[chart].get_or_insert_default().add(&certified[b as usize]);
+        certificates[chart(b)].get_or_insert_default().add(&certified[b as usize]);
     }
     let limited = is_limited.iter().filter(|limited| **limited).count() as u32;
     Limited { u, certificates, charts: limited }

@@ -1,6 +1,7 @@
 //! Which charts have a point of the surface: the one whose triangle it lies on, and those whose collars hold that
 //! triangle.
 
+use std::mem::replace;
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -57,21 +58,16 @@ impl OnChart {
 
 impl Places {
     pub fn new(tiles: Vec<Arc<TileMesh>>) -> Places {
-        let mut count = 0;
-        let first: Vec<u32> = tiles
-            .iter()
-            .map(|tile| {
-                count += tile.own() as u32;
-                count - tile.own() as u32
-            })
-            .collect();
-        let mut starts: Vec<u32> = zeroed(count as usize + 1);
+        let next = |sum: &mut u32, tile: &Arc<TileMesh>| Some(replace(sum, *sum + tile.own() as u32));
+        let first: Vec<u32> = tiles.iter().scan(0, next).collect();
+        let count: usize = tiles.iter().map(|tile| tile.own()).sum();
+        let mut starts: Vec<u32> = zeroed(count + 1);
         let number = |tile: u32, triangle: u32| (first[tile as usize] + triangle) as usize;
         let sources = || tiles.iter().flat_map(|tile| &tile.sources);
         sources().for_each(|source| starts[number(source.tile, source.triangle) + 1] += 1);
-        (0..count as usize).for_each(|k| starts[k + 1] += starts[k]);
-        let mut next: Vec<u32> = starts.iter().copied().collect();
-        let mut entries: Vec<(u32, u32)> = vec![(0, 0); starts[count as usize] as usize];
+        (0..count).for_each(|k| starts[k + 1] += starts[k]);
+        let mut next = starts.clone();
+        let mut entries: Vec<(u32, u32)> = vec![(0, 0); starts[count] as usize];
         for (k, tile) in tiles.iter().enumerate() {
             for (t, source) in tile.sources.iter().enumerate() {
                 let next = &mut next[number(source.tile, source.triangle)];

@@ -74,13 +74,9 @@ impl Patch {
         let mut add = |of: [[u32; 3]; 3]| {
             let weights = of.map(|w| w.map(|x| f64::from(x) / f64::from(n)));
             let t = self.triangles.len() as u32;
-            self.triangles.push(PatchTriangle {
-                corners: weights.map(|w| w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2]),
-                of: g,
-                weights,
-                across: [(NONE, 0); 3],
-                turns: [false; 3],
-            });
+            let corners = weights.map(|w| w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2]);
+            let (across, turns) = ([(NONE, 0); 3], [false; 3]);
+            self.triangles.push(PatchTriangle { corners, of: g, weights, across, turns });
             for k in 0..3usize {
                 let ends = [of[(k + 1) % 3], of[(k + 2) % 3]];
                 // The side of the mesh's triangle on which both ends lie.
@@ -94,13 +90,8 @@ impl Patch {
                 } else {
                     let [a, b] = ends.map(|end| point(g, places, end));
                     let beyond = on.map_or(g, |c| beyond[c]);
-                    edges.push(Edge {
-                        ends: [a.min(b), a.max(b)],
-                        side: (t, k as u8),
-                        of: g,
-                        beyond,
-                        falls: a > b,
-                    });
+                    let (ends, side) = ([a.min(b), a.max(b)], (t, k as u8));
+                    edges.push(Edge { ends, falls: a > b, side, of: g, beyond });
                 }
             }
         };

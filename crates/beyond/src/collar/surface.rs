@@ -215,14 +215,8 @@ impl<'a> Surface<'a> {
         let (tile, index, t) = self.place(g);
         let chart = &tile.charts[(self.chart(g) - self.first_chart[index]) as usize];
         let Triangle { local, uv, .. } = tile.triangles[t];
-        let source = Source {
-            tile: self.first_tile + index as u32,
-            triangle: t as u32,
-            image: self.is_image(g),
-            uv,
-            distance: [0.0; 3],
-            depth: [0.0; 3],
-        };
+        let (tile, triangle, image) = (self.first_tile + index as u32, t as u32, self.is_image(g));
+        let source = Source { tile, triangle, image, uv, distance: [0.0; 3], depth: [0.0; 3] };
         (source, local.map(|v| chart.vertices[v as usize]))
     }
 

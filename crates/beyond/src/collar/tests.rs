@@ -4,7 +4,7 @@ use super::*;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::mesh::{Mesh, MeshSource, UvSource};
 use vrtm_core::settings::Beyond;
-use vrtm_core::view::{Scalar, Strided};
+use vrtm_core::view::Strided;
 
 /// A sheet of `n` by `n` quads whose columns from `cut` on lie elsewhere in the UV plane.
 pub(crate) struct Sheet {
@@ -46,19 +46,16 @@ impl Sheet {
                 indices.push(vertex(k, l));
                 let uv = self.uv(k, l);
                 let uv = if i >= self.cut { self.turn * uv + self.shift } else { uv };
-                uvs.extend(uv.to_array().map(|x| x as f32));
+                uvs.push(uv.to_array().map(|x| x as f32));
             }
         }
         let corners: Vec<u32> = (0..indices.len() as u32).collect();
-        // SAFETY: any byte of an f32 may be read.
-        let bytes = unsafe { std::slice::from_raw_parts(uvs.as_ptr().cast::<u8>(), uvs.len() * 4) };
-        let u = Strided::new("uvs", bytes, Scalar::F32, 2, uvs.len() / 2, 0).unwrap();
         let counts = vec![4; n * n];
         Mesh::new(&MeshSource {
             positions: Strided::from_f32x3(&rest),
             face_counts: Some(&counts),
             indices: &indices,
-            uvs: UvSource { u, v: None, indices: Some(&corners) },
+            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
             ..MeshSource::default()
         })
         .unwrap()
@@ -204,22 +201,12 @@ fn nothing_lies_beyond_a_border_of_the_mesh_or_an_edge_of_three_triangles() {
     // Three triangles around an edge, each a chart of its own.
     let rest = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     let indices = [0, 1, 2, 0, 1, 3, 0, 1, 4];
-    let uvs = [
-        [0.1, 0.1],
-        [0.1, 0.2],
-        [0.2, 0.1],
-        [0.4, 0.1],
-        [0.4, 0.2],
-        [0.5, 0.1],
-        [0.7, 0.1],
-        [0.7, 0.2],
-        [0.8, 0.1],
-    ];
+    let uvs = [0.1f32, 0.4, 0.7].map(|x| [[x, 0.1], [x, 0.2], [x + 0.1, 0.1]]);
     let corners: Vec<u32> = (0..9).collect();
     let mesh = Mesh::new(&MeshSource {
         positions: Strided::from_f32x3(&rest),
         indices: &indices,
-        uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+        uvs: UvSource { u: Strided::from_f32x2(uvs.as_flattened()), v: None, indices: Some(&corners) },
         ..MeshSource::default()
     })
     .unwrap();
