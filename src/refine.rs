@@ -98,12 +98,8 @@ impl Results {
             let mesh = RefinedMesh::new(mesh, uv_set as usize);
             let most =
                 max_triangles.unwrap_or(mesh.base_triangles() as u64 + ADDED_TRIANGLES).min(MOST_TRIANGLES);
-            let mut refinement = Refinement {
-                results: self.clone(),
-                mesh,
-                most,
-                info: RefinementInfo { uv_set, tolerance, ..RefinementInfo::default() },
-            };
+            let info = RefinementInfo { uv_set, tolerance, ..RefinementInfo::default() };
+            let mut refinement = Refinement { results: self.clone(), mesh, most, info };
             refinement.refine(start)?;
             Ok(refinement)
         })
@@ -198,16 +194,11 @@ impl Refinement {
         // Tiles of other UV sets are not needed.
         let of_set = |solved: &&Solved| solved.mesh.uv_set == self.info.uv_set;
         self.results.device().team(|team| {
-            let of_tile = last.solved().map(|solved| solved.filter(of_set));
-            let mut tiles = Vec::with_capacity(last.tiles.len());
-            for solved in of_tile {
-                tiles.push(match solved {
-                    Some(solved) => Some(TileRedirection { solved, u: solved.warp.host()? }),
-                    None => None,
-                });
-            }
-            let tiles: Vec<_> =
-                tiles.iter().map(|tile| tile.as_ref().map(|t| t as &dyn Redirection)).collect();
+            let tiles = last.solved().map(|solved| {
+                let of = solved.filter(of_set);
+                of.map(|solved| Ok(TileRedirection { solved, u: solved.warp.host()? })).transpose()
+            });
+            let tiles = tiles.collect::<Result<Vec<_>>>()?;
             f(team, &Redirections::new(team, &tiles, with_edges)?)
         })
     }

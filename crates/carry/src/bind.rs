@@ -318,11 +318,10 @@ fn of_uv(triangles: &Triangles, search: &Nearest, uv: DVec2, layers: std::ops::R
     let triangle = found.triangle as usize;
     let state = if found.distance <= BESIDE { PointState::Bound } else { PointState::Outside };
     let skin = Skin { vertices: triangles.vertices[triangle], weights: found.weights };
-    let foot = weighed(&triangles.rest(triangle), found.weights);
+    let foot = weighed(triangles.rest(triangle), found.weights);
     // A point beside the border is put on it.
     let (corners, tile) = triangles.uv(triangle);
-    let [a, b, c] = found.weights;
-    let on_border = a * corners[0] + b * corners[1] + c * corners[2] + tile.origin();
+    let on_border = weighed(corners, found.weights) + tile.origin();
     let uv = if state == PointState::Bound && found.distance > 0.0 { on_border } else { uv };
     Hit { triangle: Some(triangle), uv, foot, skin, state }
 }
@@ -340,10 +339,10 @@ fn of_corners(
     let weights_given = weights.map(|weight| weight / sum);
     let skin = Skin { vertices: corners.map(|c| mesh.indices[c as usize]), weights: weights_given };
     let rest = skin.vertices.map(|v| DVec3::from(mesh.rest[v as usize]));
-    let foot = weighed(&rest, weights_given);
+    let foot = weighed(rest, weights_given);
     let of_set = &mesh.corners[*uv_set];
-    let [a, b, c] = corners.map(|c| DVec2::from(of_set[c as usize].uv.map(f64::from)));
-    let uv = weights_given[0] * a + weights_given[1] * b + weights_given[2] * c;
+    let uvs = corners.map(|c| DVec2::from(of_set[c as usize].uv.map(f64::from)));
+    let uv = weighed(uvs, weights_given);
     let hit = |triangle, uv, state| Hit { triangle, uv, foot, skin, state };
     let Some(corner) = of_set[face.clone()].iter().find(|corner| corner.triangle != NONE) else {
         return hit(None, uv, PointState::Outside);
@@ -380,19 +379,15 @@ fn nearest(triangles: &Triangles, search: &Nearest, at: DVec3, farthest: Option<
     let k = found.triangle as usize;
     let weights = clamped(found.weights);
     let skin = Skin { vertices: triangles.vertices[k], weights };
-    let is_textured = k < triangles.textured;
-    let state = if farthest.is_some_and(|farthest| found.distance > farthest) {
-        PointState::Far
-    } else if is_textured {
-        PointState::Bound
-    } else {
-        PointState::Outside
+    let textured = (k < triangles.textured).then_some(k);
+    let state = match textured {
+        _ if farthest.is_some_and(|farthest| found.distance > farthest) => PointState::Far,
+        Some(_) => PointState::Bound,
+        None => PointState::Outside,
     };
-    let uv = if is_textured {
+    let uv = textured.map_or(DVec2::ZERO, |k| {
         let (corners, tile) = triangles.uv(k);
-        weights[0] * corners[0] + weights[1] * corners[1] + weights[2] * corners[2] + tile.origin()
-    } else {
-        DVec2::ZERO
-    };
-    Hit { triangle: is_textured.then_some(k), uv, foot: at, skin, state }
+        weighed(corners, weights) + tile.origin()
+    });
+    Hit { triangle: textured, uv, foot: at, skin, state }
 }

@@ -10,6 +10,7 @@ use vrtm_core::view::Strided;
 use crate::bind::{Binding, Pieces, Skin};
 use crate::features::{FeatureNode, Features};
 use crate::frame::{normal, polar, quaternion};
+use crate::nearest::weighed;
 use crate::surface::{Place, Posed, Surface};
 use crate::tile::{Mean, Tile};
 
@@ -97,8 +98,7 @@ pub(crate) fn from_rest([a, b]: [DVec3; 2], [x, z, y]: [f64; 3]) -> [DVec3; 2] {
 /// The place of a point of the skin, with the sides of its triangle as tangents.
 pub(crate) fn on_skin(skin: &Skin, position: impl Fn(u32) -> [f64; 3]) -> Place {
     let [p, q, r] = skin.vertices.map(|v| DVec3::from(position(v)));
-    let [a, b, c] = skin.weights;
-    Place { at: a * p + b * q + c * r, tangents: [q - p, r - p] }
+    Place { at: weighed([p, q, r], skin.weights), tangents: [q - p, r - p] }
 }
 
 impl Course {

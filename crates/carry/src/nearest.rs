@@ -1,6 +1,8 @@
 //! The nearest of many triangles to a point, by a tree of boxes. Of several triangles at the same distance it is the
 //! first.
 
+use std::ops::{Add, Mul};
+
 use glam::DVec3;
 
 use vrtm_core::allocation::{Vec, vec};
@@ -100,7 +102,7 @@ impl Nearest {
             for &triangle in &self.order[node.at as usize..(node.at + node.count) as usize] {
                 let corners = &self.triangles[triangle as usize];
                 let weights = nearest_weights(corners, to);
-                let d2 = (weighed(corners, weights) - to).length_squared();
+                let d2 = (weighed(*corners, weights) - to).length_squared();
                 let is_better = best
                     .as_ref()
                     .is_none_or(|(least, found)| d2 < *least || (d2 == *least && triangle < found.triangle));
@@ -113,8 +115,10 @@ impl Nearest {
     }
 }
 
-pub fn weighed(corners: &[DVec3; 3], [a, b, c]: [f64; 3]) -> DVec3 {
-    a * corners[0] + b * corners[1] + c * corners[2]
+/// The point of a triangle, in a plane or in space, with these barycentric coordinates.
+#[inline(always)]
+pub fn weighed<V: Add<Output = V> + Mul<f64, Output = V>>([p, q, r]: [V; 3], [a, b, c]: [f64; 3]) -> V {
+    p * a + q * b + r * c
 }
 
 /// The squared distance of a point from a box.

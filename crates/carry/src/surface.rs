@@ -8,6 +8,8 @@ use vrtm_core::mesh::triangle::{barycentrics, doubled_area};
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::team::Team;
 
+use crate::nearest::weighed;
+
 /// Barycentric coordinates of at least minus this count as inside.
 const SLACK: f64 = 1e-12;
 /// On badly shaped triangles a walk may go round in circles.
@@ -134,9 +136,8 @@ impl Surface {
     pub fn place(&self, posed: &Posed, spot: &Spot) -> Place {
         let triangle = &self.triangles[spot.triangle as usize];
         let chart = &posed[triangle.chart as usize];
-        let [a, b, c] = triangle.local.map(|v| &chart[v as usize]);
-        let [x, y, z] = spot.weights;
-        let mean = |of: fn(&Place) -> DVec3| x * of(a) + y * of(b) + z * of(c);
+        let corners = triangle.local.map(|v| &chart[v as usize]);
+        let mean = |of: fn(&Place) -> DVec3| weighed(corners.map(of), spot.weights);
         Place { at: mean(|p| p.at), tangents: [mean(|p| p.tangents[0]), mean(|p| p.tangents[1])] }
     }
 
@@ -145,9 +146,7 @@ impl Surface {
     pub fn at(&self, posed: &Posed, spot: &Spot) -> DVec3 {
         let triangle = &self.triangles[spot.triangle as usize];
         let chart = &posed[triangle.chart as usize];
-        let [a, b, c] = triangle.local.map(|v| chart[v as usize].at);
-        let [x, y, z] = spot.weights;
-        x * a + y * b + z * c
+        weighed(triangle.local.map(|v| chart[v as usize].at), spot.weights)
     }
 
     /// The spot of a point of the UV plane, on a triangle or beside it.
@@ -200,10 +199,7 @@ pub fn clamped(weights: [f64; 3]) -> [f64; 3] {
 pub fn uv_of(tile: &TileMesh, spot: &Spot, uv: DVec2, origin: impl Fn(u32) -> DVec2) -> DVec2 {
     match tile.source(spot.triangle as usize) {
         None => uv + tile.origin(),
-        Some(source) => {
-            let [a, b, c] = spot.weights;
-            a * source.uv[0] + b * source.uv[1] + c * source.uv[2] + origin(source.tile)
-        }
+        Some(source) => weighed(source.uv, spot.weights) + origin(source.tile),
     }
 }
 

@@ -38,16 +38,16 @@ impl<'a> Redirections<'a> {
     /// `with_edges`: also prepare what computing errors needs.
     pub fn new(
         team: &Team,
-        tiles: &[Option<&'a dyn Redirection>],
+        tiles: &'a [Option<impl Redirection>],
         with_edges: bool,
     ) -> Result<Redirections<'a>> {
         let of = |tile: &'a dyn Redirection| -> Result<Prepared<'a>> {
-            let cells = tile.cells();
+            let cells = DVec2::from(tile.cells().map(|n| n as f64));
             let warped = if with_edges { Warped::new(team, tile)? } else { None };
-            let cells = DVec2::from(cells.map(|n| n as f64));
             Ok(Prepared { tile, origin: tile.origin(), cells, warped })
         };
-        tiles.iter().map(|tile| tile.map(of).transpose()).collect::<Result<Vec<_>>>().map(Redirections)
+        let of_tiles = tiles.iter().map(|tile| tile.as_ref().map(|tile| of(tile)).transpose());
+        of_tiles.collect::<Result<Vec<_>>>().map(Redirections)
     }
 
     /// The redirected UVs of points, computed like corner UVs: by a chart's own warp.
