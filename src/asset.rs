@@ -63,17 +63,15 @@ impl Asset {
     /// that do not add up, a face with UVs at some corners only, an empty mesh.
     pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
         device.alive()?;
-        device.call(|| Asset::make(device, source))
-    }
-
-    fn make(device: &Device, source: &MeshSource) -> Result<Asset> {
-        let mesh = Arc::new(Mesh::new(source)?);
-        log::describe(device, &mesh);
-        let given = Given::new(mesh.tiles.len());
-        let tiles = (0..mesh.tiles.len()).map(|tile| TileState::new(tile, device)).collect();
-        let results = Results::new(device, &mesh);
-        let (places, clock) = (Derived::default(), Instant::now);
-        Ok(Asset { device: device.clone(), mesh, given, tiles, results, places, clock })
+        device.call(|| {
+            let mesh = Arc::new(Mesh::new(source)?);
+            log::describe(device, &mesh);
+            let given = Given::new(mesh.tiles.len());
+            let tiles = (0..mesh.tiles.len()).map(|tile| TileState::new(tile, device)).collect();
+            let results = Results::new(device, &mesh);
+            let (places, clock) = (Derived::default(), Instant::now);
+            Ok(Asset { device: device.clone(), mesh, given, tiles, results, places, clock })
+        })
     }
 
     /// Sets the clock that time budgets are measured by: for tests.

@@ -106,10 +106,6 @@ impl Overrides {
     }
 }
 
-fn variable(name: &str) -> Option<String> {
-    std::env::var_os(name).map(|value| value.to_string_lossy().into_owned())
-}
-
 /// The GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits, through
 /// Vulkan, Direct3D 12 or Metal. Hardware GPUs come before software ones, discrete before integrated; the order is
 /// stable for the same machine and drivers. Empty without a GPU or a driver.
@@ -133,6 +129,7 @@ impl Device {
     /// unknown number or identity; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
     /// `Unsupported` for an allocator unless [`crate::Allocator`] is the global one; `OutOfMemory`.
     pub fn new(settings: &DeviceSettings) -> Result<Device> {
+        let variable = |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
         Device::with(settings, Overrides::read(variable)?)
     }
 
@@ -181,15 +178,8 @@ impl Device {
         };
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
         let threads = settings.threads.map_or(cores.min(MAX_THREADS), NonZeroU32::get);
-        let bytes_held = AtomicU64::new(0);
-        let device = Device(Arc::new(Inner {
-            settings,
-            threads,
-            reason,
-            bytes_held,
-            gpu,
-            assets: AtomicUsize::new(0),
-        }));
+        let (bytes_held, assets) = (AtomicU64::new(0), AtomicUsize::new(0));
+        let device = Device(Arc::new(Inner { settings, threads, reason, bytes_held, gpu, assets }));
         let info = device.info();
         let message = format!("device: {}, {threads} threads; {}", info.name, info.reason);
         device.log(LogCode::Device, None, &[f64::from(threads)], &message);

@@ -79,11 +79,6 @@ impl Solved {
         self.invert_ms.store(ms.to_bits(), Ordering::Relaxed);
     }
 
-    /// Length of a chart's longest displacement, in cells.
-    pub fn reach(&self, chart: u32) -> f32 {
-        self.results[chart as usize].max_displacement
-    }
-
     /// The redirected UV of a corner, or of another point of a triangle; input and output include the tile's offset.
     /// `None` where nothing moves. `u` are the displacements, `triangle` is a number in `TileMesh::chart_of`.
     pub fn redirected(&self, u: &[[Plane; 2]], triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {
@@ -91,7 +86,8 @@ impl Solved {
         let (origin, cells) = (self.mesh.origin(), DVec2::new(level.nx as f64, level.ny as f64));
         let at = DVec2::from(uv) - origin;
         let redirected = |chart: u32| {
-            let p = invert::point(level, u, chart, (at * cells).to_array(), self.reach(chart))?;
+            let reach = self.results[chart as usize].max_displacement;
+            let p = invert::point(level, u, chart, (at * cells).to_array(), reach)?;
             let to = (DVec2::from(p) / cells).to_array();
             let gutter = self.gutter.as_ref().filter(|_| self.is_beyond(chart, p));
             let limited = gutter.and_then(|gutter| gutter.limit(chart, at.to_array(), to));

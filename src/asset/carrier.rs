@@ -1,16 +1,18 @@
 //! Carries points, curves and detail meshes that are bound to the rest surface into the pose of the last solve.
 
-mod kept;
 pub(super) mod ride;
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
+use crate::asset::derived::Same;
 use crate::asset::results::Results;
 use crate::device::Booked;
-use kept::Kept;
-use vrtm_carry::{Bind, Binding, Fit, Pieces, PointState};
+use vrtm_carry::{Bind, Binding, Course, Fit, Pieces, PointState};
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, Result};
+use vrtm_core::grid::Grid;
+use vrtm_core::mesh::TileMesh;
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
 use vrtm_core::view::{Packed, Strided, StridedMut};
@@ -126,6 +128,17 @@ pub struct Carrier {
     _booked: Booked,
 }
 
+/// The course of the points on the tiles of results, kept for the next fetch.
+#[derive(Debug)]
+struct Kept {
+    key: Key,
+    course: Course,
+    booked: Booked,
+}
+
+/// Key of a course: per tile, its connectivity, with collars or not, and its grid.
+type Key = Vec<Option<(Same<TileMesh>, Option<Same<TileMesh>>, Same<Grid>)>>;
+
 /// Results whose asset has one more carrier.
 #[derive(Debug)]
 struct Counted(Results);
@@ -140,15 +153,8 @@ impl<'a> CarrierSettings<'a> {
     /// The defaults: on the surface of UV set 0, features as rigid bodies.
     #[must_use]
     pub fn new(by: Bind<'a>) -> CarrierSettings<'a> {
-        CarrierSettings {
-            uv_set: 0,
-            by,
-            heights: None,
-            frames: None,
-            pieces: None,
-            fit: Fit::default(),
-            skirt: 0.0,
-        }
+        let fit = Fit::default();
+        CarrierSettings { uv_set: 0, by, heights: None, frames: None, pieces: None, fit, skirt: 0.0 }
     }
 
     /// Checks everything but the values of indices; returns the number of points.
@@ -192,20 +198,21 @@ impl<'a> CarrierSettings<'a> {
 }
 
 fn check_array(name: &str, array: &Strided, components: &[usize]) -> Result<()> {
-    if !array.is_empty() && !components.contains(&array.components()) {
-        let given = array.components();
-        return Err(Error::argument(format!("{name}: {given} components, but {components:?} are needed")));
+    if !array.is_empty() {
+        check_components(name, array.components(), components)?;
     }
     array.check_finite(name)
 }
 
+fn check_components(name: &str, given: usize, needed: &[usize]) -> Result<()> {
+    ensure!(needed.contains(&given), "{name}: {given} components, but {needed:?} are needed");
+    Ok(())
+}
+
 fn check_count(name: &str, given: Option<usize>, needed: usize) -> Result<()> {
-    match given {
-        Some(given) if given != needed => {
-            Err(Error::argument(format!("{name}: {given} elements, but there are {needed} points")))
-        }
-        _ => Ok(()),
-    }
+    let given = given.unwrap_or(needed);
+    ensure!(given == needed, "{name}: {given} elements, but there are {needed} points");
+    Ok(())
 }
 
 impl Results {
@@ -315,12 +322,7 @@ impl Carrier {
             let Some(array) = array else { continue };
             let name = format!("{prefix}{name}");
             check_count(&name, Some(array.len()), self.binding.points.len())?;
-            if !components.contains(&array.components()) {
-                let given = array.components();
-                return Err(Error::argument(format!(
-                    "{name}: {given} components, but {components:?} are needed"
-                )));
-            }
+            check_components(&name, array.components(), components)?;
         }
         Ok(())
     }

@@ -26,7 +26,7 @@ impl Asset {
         tiles: &[(usize, Arc<Solved>)],
         published: &mut [Option<Solved>],
     ) -> Result<()> {
-        let pose = gather(positions);
+        let pose: Vec<[f64; 3]> = (0..positions.len()).map(|v| positions.get3(v)).collect();
         for ((tile, result), published) in tiles.iter().zip(published) {
             let solved = published.get_or_insert_with(|| result.with_warp(result.warp.clone()));
             team.check_or_unwind();
@@ -61,9 +61,4 @@ fn set_movable(maps: &mut NodeMaps, solved: &Solved) {
             }
         }
     }
-}
-
-/// The positions in the format of the measurement.
-pub(crate) fn gather(positions: Strided) -> Vec<[f64; 3]> {
-    (0..positions.len()).map(|v| positions.get3(v)).collect()
 }

@@ -107,7 +107,10 @@ impl Asset {
             self.release_results(&due);
         }
         self.warn_of_no_rigidity();
-        self.find_sizes(team, &due);
+        // With collars, a grid reads the maps of other tiles as their grids do.
+        let has_collars = self.has_collars();
+        let sized = (0..due.len()).filter(|&tile| due[tile] || has_collars);
+        self.given.find_sizes(team, &self.mesh, sized, &self.device);
         let solved = self.solved(team, crew, request, &plan, &due, start)?;
         let late = self.late(&due, &solved);
         let last = self.last(team, request, &asked, &solved, &late, start)?;
@@ -158,14 +161,6 @@ impl Asset {
     /// True if charts of a tile continue beyond their borders.
     fn has_collars(&self) -> bool {
         self.given.maps.iter().any(|maps| maps.settings.beyond().is_some())
-    }
-
-    /// Finds the sizes of the grids that are left open, of the tiles to be solved; of all if there are collars, which
-    /// read maps as the grids of other tiles do.
-    fn find_sizes(&mut self, team: &Team, due: &[bool]) {
-        let has_collars = self.has_collars();
-        let tiles = (0..due.len()).filter(|&tile| due[tile] || has_collars);
-        self.given.find_sizes(team, &self.mesh, tiles, &self.device);
     }
 
     /// The new results of tiles, before they are blended; a tile for which a time budget leaves no time has none.

@@ -21,7 +21,6 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range; this holds for every function that takes a tile.
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
-        self.check_tile(tile)?;
         self.on_tile(tile, TileState::info)
     }
 
@@ -47,7 +46,6 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range; `Unsupported` if the GPU's buffers are too small for the grid, with
     /// the largest size that fits, as in all calls that prepare a tile.
     pub fn tile_estimate(&mut self, tile: usize) -> Result<TileEstimate> {
-        self.check_tile(tile)?;
         self.on_tile(tile, TileState::estimate)
     }
 
@@ -105,7 +103,6 @@ impl Asset {
     /// # Errors
     /// Those of [`Asset::save_tile`].
     pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
-        self.check_tile(tile)?;
         self.on_tile(tile, TileState::saved_size)
     }
 
@@ -130,7 +127,6 @@ impl Asset {
     /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting;
     /// `OutOfMemory`. The tile is then unchanged.
     pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
-        self.check_tile(tile)?;
         self.on_tile(tile, |state, call| state.load(call, data))
     }
 
@@ -139,6 +135,7 @@ impl Asset {
         tile: usize,
         f: impl FnOnce(&mut TileState, &Call) -> Result<R> + Send,
     ) -> Result<R> {
+        self.check_tile(tile)?;
         let Asset { device, mesh, given, tiles, .. } = self;
         let sized =
             if given.maps[tile].settings.beyond().is_some() { 0..tiles.len() } else { tile..tile + 1 };

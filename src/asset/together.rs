@@ -234,13 +234,7 @@ impl Together {
         let of_charts = self.ranges(|member| member.grid.movable.len());
         let of_blocks = self.ranges(Member::blocks);
         // Tiles that take no part have a pose that nothing reads.
-        let nowhere = |member: &Member| {
-            let still = |chart: &Chart| {
-                let positions = vec![[0.0; 3]; chart.count()];
-                ChartPose { positions, scale: 1.0 }
-            };
-            member.mesh.charts.iter().map(still).collect::<Vec<_>>()
-        };
+        let nowhere = |chart: &Chart| ChartPose { positions: vec![[0.0; 3]; chart.count()], scale: 1.0 };
         let mut charts: Vec<bool> = vec![false; self.grid.movable.len()];
         let mut keep = charts.clone();
         let mut pose = Pose { charts: Vec::with_capacity(charts.len()) };
@@ -249,7 +243,7 @@ impl Together {
         let of_features = self.ranges(|member| member.grid.features.count);
         for (m, member) in self.members.iter().enumerate() {
             let Some(k) = places.iter().position(|&place| place == m) else {
-                pose.charts.extend(nowhere(member));
+                pose.charts.extend(member.mesh.charts.iter().map(nowhere));
                 lasts.push(None);
                 multipliers.resize(of_features[m].end, 0.0);
                 continue;

@@ -6,8 +6,7 @@ use std::time::Duration;
 
 use glam::DMat3;
 
-use super::kept::{Kept, Key};
-use super::{Carried, Carrier};
+use super::{Carried, Carrier, Kept, Key};
 use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, TileResult};
 use crate::solved::Solved;
