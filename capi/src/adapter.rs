@@ -2,10 +2,11 @@
 
 use std::ffi::c_char;
 
-use super::desc::{Out, Place, sized};
-use super::guard::guard;
+use super::guard::{guard_struct, guard_value};
+use super::mirror::mirror;
 use super::status::{Failure, Outcome, chars, vrtm_status};
 use vrtm::adapters;
+use vrtm_core::report::AdapterInfo;
 use vrtm_core::settings::AdapterId;
 
 /// Kind of name by which vrtm_device_desc selects a GPU.
@@ -21,44 +22,35 @@ pub const VRTM_ADAPTER_BY_LUID: vrtm_adapter_by = 2;
 /// By its registry ID, 8 bytes: the number MTLDevice.registryID.
 pub const VRTM_ADAPTER_BY_REGISTRY_ID: vrtm_adapter_by = 3;
 
-/// A GPU that a device can be made on. Start from vrtm_adapter_info_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_adapter_info {
-    /// sizeof(vrtm_adapter_info); set by vrtm_adapter_info_init().
-    pub struct_size: u32,
-    /// 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never chooses
-    /// it. 0 otherwise.
-    pub software: u32,
-    /// The adapter's name, UTF-8.
-    pub name: [c_char; 128],
-    /// The driver's name and version, UTF-8.
-    pub driver: [c_char; 128],
-    /// The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
-    pub api: [c_char; 16],
-    /// PCI vendor ID; 0 if the interface does not report it.
-    pub vendor: u32,
-    /// PCI device ID of the vendor; 0 if the interface does not report it.
-    pub device: u32,
-    /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty if the interface does not report it.
-    pub pci_bus: [c_char; 32],
-    /// 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
-    pub has_uuid: u32,
-    /// VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
-    pub uuid: [u8; 16],
-    /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) if both
-    /// UUIDs equal those of its own device.
-    pub driver_uuid: [u8; 16],
-    /// 1 if `luid` is known: on Windows. 0 otherwise.
-    pub has_luid: u32,
-    /// The LUID of Direct3D and DXGI, in memory order.
-    pub luid: [u8; 8],
-    /// The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
-    pub registry_id: [u8; 8],
+mirror! {
+    report vrtm_adapter_info of r: AdapterInfo {
+        /// 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never
+        /// chooses it. 0 otherwise.
+        software: u32,
+        /// The adapter's name, UTF-8.
+        name: [c_char; 128] = chars::<128>(&r.name),
+        /// The driver's name and version, UTF-8.
+        driver: [c_char; 128] = chars::<128>(&r.driver),
+        /// The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
+        api: [c_char; 16] = chars::<16>(r.api),
+        vendor: u32, device: u32,
+        /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty if the interface does not report it.
+        pci_bus: [c_char; 32] = chars::<32>(&r.pci_bus),
+        /// 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
+        has_uuid: u32 = r.uuid.is_some(),
+        /// VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
+        uuid: [u8; 16] = r.uuid.unwrap_or_default(),
+        /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) if both
+        /// UUIDs equal those of its own device.
+        driver_uuid: [u8; 16] = r.driver_uuid.unwrap_or_default(),
+        /// 1 if `luid` is known: on Windows. 0 otherwise.
+        has_luid: u32 = r.luid.is_some(),
+        /// The LUID of Direct3D and DXGI, in memory order.
+        luid: [u8; 8] = r.luid.unwrap_or_default(),
+        /// The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
+        registry_id: [u8; 8] = r.registry_id.unwrap_or_default().to_ne_bytes(),
+    }
 }
-
-// SAFETY: repr(C), struct_size first, plain numbers.
-sized!(vrtm_adapter_info);
 
 /// The GPU that a host names by its identity; `None` for one that it names by its number.
 pub(super) fn adapter_id(by: vrtm_adapter_by, id: [u8; 16]) -> Outcome<Option<AdapterId>> {
@@ -92,10 +84,8 @@ pub(super) fn adapter_id(by: vrtm_adapter_by, id: [u8; 16]) -> Outcome<Option<Ad
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
-    guard("vrtm_adapter_count", || {
-        let out = Place::new(count, "count")?;
-        out.write(u32::try_from(adapters().len()).unwrap_or(u32::MAX));
-        Ok(())
+    guard_value("vrtm_adapter_count", count, "count", || {
+        Ok(u32::try_from(adapters().len()).unwrap_or(u32::MAX))
     })
 }
 
@@ -104,28 +94,9 @@ pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_adapter_get_info(index: u32, info: *mut vrtm_adapter_info) -> vrtm_status {
-    guard("vrtm_adapter_get_info", || {
-        let out = Out::new(info, "info")?;
-        let all = adapters();
-        let adapter = all.get(index as usize).ok_or_else(|| {
-            Failure::argument(format!("index is {index}, but the number of adapters is {}", all.len()))
-        })?;
-        out.write(vrtm_adapter_info {
-            struct_size: 0,
-            software: u32::from(adapter.software),
-            name: chars(&adapter.name),
-            driver: chars(&adapter.driver),
-            api: chars(adapter.api),
-            has_uuid: u32::from(adapter.uuid.is_some()),
-            has_luid: u32::from(adapter.luid.is_some()),
-            uuid: adapter.uuid.unwrap_or_default(),
-            driver_uuid: adapter.driver_uuid.unwrap_or_default(),
-            luid: adapter.luid.unwrap_or_default(),
-            registry_id: adapter.registry_id.unwrap_or_default().to_ne_bytes(),
-            vendor: adapter.vendor,
-            device: adapter.device,
-            pci_bus: chars(&adapter.pci_bus),
-        });
-        Ok(())
+    guard_struct("vrtm_adapter_get_info", info, "info", || {
+        let (all, at) = (adapters(), index as usize);
+        ensure!(at < all.len(), "index is {index}, but the number of adapters is {}", all.len());
+        Ok(all[at].clone().into())
     })
 }

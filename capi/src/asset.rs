@@ -1,7 +1,7 @@
 //! Assets and the look-up of their tiles.
 
-use super::desc::{self, Out, Place};
-use super::guard::guard;
+use super::desc;
+use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, ASSETS, DEVICES, vrtm_asset, vrtm_device, vrtm_tile};
 use super::mesh::{in_c_words, mesh, more_uvs, vrtm_mesh_desc};
 use super::mirror::mirror;
@@ -29,8 +29,7 @@ pub unsafe extern "C" fn vrtm_asset_create(
     desc: *const vrtm_mesh_desc,
     asset: *mut vrtm_asset,
 ) -> vrtm_status {
-    guard("vrtm_asset_create", || {
-        let out = Place::new(asset, "asset")?;
+    guard_value("vrtm_asset_create", asset, "asset", || {
         let device = DEVICES.get("device", device.id)?;
         // SAFETY: the host's pointers, valid during the call.
         let (desc, uv_sets) = unsafe {
@@ -40,8 +39,7 @@ pub unsafe extern "C" fn vrtm_asset_create(
         // SAFETY: as above.
         let mesh = unsafe { mesh(&desc, &uv_sets) }?;
         let asset = Asset::new(&device, &mesh).map_err(|error| in_c_words(error, &mesh))?;
-        out.write(handle::add_asset(asset)?);
-        Ok(())
+        handle::add_asset(asset)
     })
 }
 
@@ -50,11 +48,7 @@ pub unsafe extern "C" fn vrtm_asset_create(
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_get_info(asset: vrtm_asset, info: *mut vrtm_asset_info) -> vrtm_status {
-    guard("vrtm_asset_get_info", || {
-        let out = Out::new(info, "info")?;
-        out.write(handle::asset(asset)?.info.into());
-        Ok(())
-    })
+    guard_struct("vrtm_asset_get_info", info, "info", || Ok(handle::asset(asset)?.info.into()))
 }
 
 /// Destroys an asset and all of its tile handles. If another thread or a job is using the asset, a solve is cancelled,
@@ -80,11 +74,9 @@ pub unsafe extern "C" fn vrtm_asset_get_tile(
     index: u32,
     tile: *mut vrtm_tile,
 ) -> vrtm_status {
-    guard("vrtm_asset_get_tile", || {
-        let out = Place::new(tile, "tile")?;
+    guard_value("vrtm_asset_get_tile", tile, "tile", || {
         let tiles = handle::asset(asset)?.info.tiles;
         ensure!(index < tiles, "index is {index}, but the asset has {tiles} tiles");
-        out.write(handle::tile_handle(asset, index as usize));
-        Ok(())
+        Ok(handle::tile_handle(asset, index as usize))
     })
 }

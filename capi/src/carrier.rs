@@ -1,7 +1,7 @@
 //! Carriers: points that ride on the warped surface.
 
-use super::desc::{self, Out, Place, Sized32, sized};
-use super::guard::guard;
+use super::desc::{self, Sized32, sized};
+use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, Kind, Table, vrtm_asset, vrtm_carrier};
 use super::mirror::{Mirror, choice, mirror};
 use super::status::{Failure, Outcome, vrtm_status};
@@ -113,8 +113,7 @@ pub unsafe extern "C" fn vrtm_carrier_create(
     desc: *const vrtm_carrier_desc,
     carrier: *mut vrtm_carrier,
 ) -> vrtm_status {
-    guard("vrtm_carrier_create", || {
-        let out = Place::new(carrier, "carrier")?;
+    guard_value("vrtm_carrier_create", carrier, "carrier", || {
         let asset = handle::asset(asset)?;
         // SAFETY: the host vouches for its pointers.
         let carrier = unsafe {
@@ -152,8 +151,7 @@ pub unsafe extern "C" fn vrtm_carrier_create(
                 ..CarrierSettings::new(by)
             })?
         };
-        out.write(vrtm_carrier { id: CARRIERS.add(carrier)? });
-        Ok(())
+        Ok(vrtm_carrier { id: CARRIERS.add(carrier)? })
     })
 }
 
@@ -165,10 +163,8 @@ pub unsafe extern "C" fn vrtm_carrier_get_info(
     carrier: vrtm_carrier,
     info: *mut vrtm_carrier_info,
 ) -> vrtm_status {
-    guard("vrtm_carrier_get_info", || {
-        let out = Out::new(info, "info")?;
-        out.write(CARRIERS.get("carrier", carrier.id)?.info().into());
-        Ok(())
+    guard_struct("vrtm_carrier_get_info", info, "info", || {
+        Ok(CARRIERS.get("carrier", carrier.id)?.info().into())
     })
 }
 

@@ -93,49 +93,33 @@ pub(super) unsafe fn read_or_default<T: Sized32 + Default>(pointer: *const T, na
     unsafe { read(pointer, name) }
 }
 
-/// A host's output struct: checked before the work, written after it.
-pub(super) struct Out<T> {
+/// Writes a host's output struct, which is checked before the work that makes its value: the fields that the host
+/// knows, but for `struct_size`. Fields that this library does not know become zero.
+pub(super) fn fill<T: Sized32>(
     pointer: *mut T,
-    size: usize,
+    name: &str,
+    work: impl FnOnce() -> Outcome<T>,
+) -> Outcome<()> {
+    let size = checked_size(pointer.cast_const(), name)?;
+    let value = work()?;
+    let skip = size_of::<u32>();
+    let known = size.min(size_of::<T>());
+    // SAFETY: the host's struct has `size` bytes, which were checked to hold `struct_size`.
+    unsafe {
+        let to = pointer.cast::<u8>();
+        ptr::copy_nonoverlapping(ptr::from_ref(&value).cast::<u8>().add(skip), to.add(skip), known - skip);
+        ptr::write_bytes(to.add(known), 0, size - known);
+    }
+    Ok(())
 }
 
-impl<T: Sized32> Out<T> {
-    pub fn new(pointer: *mut T, name: &str) -> Outcome<Out<T>> {
-        let size = checked_size(pointer.cast_const(), name)?;
-        Ok(Out { pointer, size })
-    }
-
-    /// Writes the fields that the host knows; its `struct_size` is kept, and fields that this library does not know
-    /// become zero.
-    pub fn write(self, value: T) {
-        let skip = size_of::<u32>();
-        let known = self.size.min(size_of::<T>());
-        // SAFETY: the host's struct has `size` bytes, checked in `new` to hold `struct_size`.
-        unsafe {
-            let to = self.pointer.cast::<u8>();
-            ptr::copy_nonoverlapping(
-                ptr::from_ref(&value).cast::<u8>().add(skip),
-                to.add(skip),
-                known - skip,
-            );
-            ptr::write_bytes(to.add(known), 0, self.size - known);
-        }
-    }
-}
-
-/// A host's pointer to one plain output value, such as a handle or a count.
-pub(super) struct Place<T>(*mut T);
-
-impl<T: Copy> Place<T> {
-    pub fn new(pointer: *mut T, name: &str) -> Outcome<Place<T>> {
-        check_pointer(pointer.cast_const(), name)?;
-        Ok(Place(pointer))
-    }
-
-    pub fn write(self, value: T) {
-        // SAFETY: not null and aligned; the host vouches for the memory.
-        unsafe { self.0.write(value) }
-    }
+/// Writes a plain output value, such as a handle or a count, to a place that is checked before the work that makes it.
+pub(super) fn put<T: Copy>(pointer: *mut T, name: &str, work: impl FnOnce() -> Outcome<T>) -> Outcome<()> {
+    check_pointer(pointer.cast_const(), name)?;
+    let value = work()?;
+    // SAFETY: not null and aligned; the host vouches for the memory.
+    unsafe { pointer.write(value) };
+    Ok(())
 }
 
 fn check_span<T>(pointer: *const T, count: usize, name: &str) -> Outcome<()> {
@@ -243,10 +227,10 @@ mod tests {
     fn outputs_fill_what_the_host_has() {
         let value = Now { struct_size: 0, a: 5, b: 6 };
         let mut old = Now { struct_size: 8, a: 0, b: 77 };
-        Out::new(&mut old, "info").unwrap().write(value);
+        fill(&raw mut old, "info", || Ok(value)).unwrap();
         assert_eq!(old, Now { struct_size: 8, a: 5, b: 77 });
         let mut new = Newer { now: Now { struct_size: 16, a: 0, b: 0 }, c: 9 };
-        Out::new(ptr::from_mut(&mut new).cast::<Now>(), "info").unwrap().write(value);
+        fill((&raw mut new).cast::<Now>(), "info", || Ok(value)).unwrap();
         assert_eq!((new.now, new.c), (Now { struct_size: 16, a: 5, b: 6 }, 0));
     }
 }

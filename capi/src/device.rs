@@ -6,14 +6,15 @@ use std::sync::Arc;
 
 use super::adapter::{adapter_id, vrtm_adapter_by};
 use super::allocator::{self, vrtm_allocator};
-use super::desc::{self, Out, Place, Sized32, User, sized};
+use super::desc::{self, Sized32, User, sized};
 use super::executor::{HostExecutor, vrtm_executor};
-use super::guard::guard;
+use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{DEVICES, vrtm_device};
-use super::mirror::{Mirror, choice};
+use super::mirror::{Mirror, choice, mirror};
 use super::status::{Outcome, chars, vrtm_status};
 use vrtm::Device;
 use vrtm_core::log::{LogCode, LogEntry, LogFn, LogLevel};
+use vrtm_core::report::DeviceInfo;
 use vrtm_core::settings::{Backend, DeviceSettings};
 
 choice! {
@@ -119,26 +120,19 @@ pub struct vrtm_device_desc {
     pub allocator: *const vrtm_allocator,
 }
 
-/// Description of a device. Start from vrtm_device_info_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_device_info {
-    /// sizeof(vrtm_device_info); set by vrtm_device_info_init().
-    pub struct_size: u32,
-    /// The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
-    pub backend: vrtm_backend,
-    /// The processor's or adapter's name, UTF-8.
-    pub name: [c_char; 128],
-    /// Reason for the choice of this backend, a sentence, UTF-8. If the GPU was lost, the cause comes first.
-    pub reason: [c_char; 256],
-    /// CPU threads per solve.
-    pub threads: u32,
-    /// Bytes that the prepared tiles of all assets of the device hold now, with their maps and solvers.
-    pub bytes_held: u64,
+mirror! {
+    report vrtm_device_info of r: DeviceInfo {
+        backend: vrtm_backend = r.backend.to_c(),
+        /// The processor's or adapter's name, UTF-8.
+        name: [c_char; 128] = chars::<128>(&r.name),
+        /// Reason for the choice of this backend, a sentence, UTF-8. If the GPU was lost, the cause comes first.
+        reason: [c_char; 256] = chars::<256>(&r.reason),
+        threads: u32, bytes_held: u64,
+    }
 }
 
 // SAFETY: repr(C), struct_size first, numbers, raw pointers and an optional function.
-sized!(vrtm_device_desc, vrtm_device_info, vrtm_log_entry);
+sized!(vrtm_device_desc, vrtm_log_entry);
 
 impl Default for vrtm_device_desc {
     fn default() -> vrtm_device_desc {
@@ -212,14 +206,12 @@ pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,
     device: *mut vrtm_device,
 ) -> vrtm_status {
-    guard("vrtm_device_create", || {
-        let out = Place::new(device, "device")?;
+    guard_value("vrtm_device_create", device, "device", || {
         // SAFETY: the host's pointer.
         let desc = unsafe { desc::read_or_default(desc, "desc") }?;
         // SAFETY: as above.
         let device = Device::new(&unsafe { settings(&desc) }?)?;
-        out.write(vrtm_device { id: DEVICES.add(device)? });
-        Ok(())
+        Ok(vrtm_device { id: DEVICES.add(device)? })
     })
 }
 
@@ -232,19 +224,7 @@ pub unsafe extern "C" fn vrtm_device_get_info(
     device: vrtm_device,
     info: *mut vrtm_device_info,
 ) -> vrtm_status {
-    guard("vrtm_device_get_info", || {
-        let out = Out::new(info, "info")?;
-        let info = DEVICES.get("device", device.id)?.info();
-        out.write(vrtm_device_info {
-            struct_size: 0,
-            backend: info.backend.to_c(),
-            threads: info.threads,
-            bytes_held: info.bytes_held,
-            name: chars(&info.name),
-            reason: chars(&info.reason),
-        });
-        Ok(())
-    })
+    guard_struct("vrtm_device_get_info", info, "info", || Ok(DEVICES.get("device", device.id)?.info().into()))
 }
 
 /// Destroys a device's handle. Assets that were made on it, and the log function, remain in use until the assets are

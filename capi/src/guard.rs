@@ -1,6 +1,7 @@
 //! The guard that every exported function runs in: it turns errors and panics into a status and a message, and sets the
 //! processor's default floating-point mode.
 
+use super::desc::{self, Sized32};
 use super::status::{Outcome, VRTM_ERROR_OUT_OF_MEMORY, VRTM_OK, set_last_error, status_of, vrtm_status};
 use crate::hook;
 use vrtm_core::float_mode::FloatMode;
@@ -26,17 +27,31 @@ pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_stat
     }
 }
 
+/// Runs the body of an exported function that fills the host's struct `argument`.
+pub(super) fn guard_struct<T: Sized32>(
+    name: &str,
+    pointer: *mut T,
+    argument: &str,
+    body: impl FnOnce() -> Outcome<T>,
+) -> vrtm_status {
+    guard(name, || desc::fill(pointer, argument, body))
+}
+
+/// Runs the body of an exported function whose value goes to the host's `argument`.
+pub(super) fn guard_value<T: Copy>(
+    name: &str,
+    pointer: *mut T,
+    argument: &str,
+    body: impl FnOnce() -> Outcome<T>,
+) -> vrtm_status {
+    guard(name, || desc::put(pointer, argument, body))
+}
+
 #[cfg(test)]
 mod tests {
-    use std::ffi::CStr;
-
-    use super::super::status::{Failure, VRTM_ERROR_INTERNAL, VRTM_ERROR_UNSUPPORTED, vrtm_last_error};
+    use super::super::status::tests::last_error;
+    use super::super::status::{Failure, VRTM_ERROR_INTERNAL, VRTM_ERROR_UNSUPPORTED};
     use super::*;
-
-    fn last_error() -> String {
-        // SAFETY: the function returns this thread's zero-terminated line.
-        unsafe { CStr::from_ptr(vrtm_last_error()) }.to_str().unwrap().to_owned()
-    }
 
     #[test]
     fn a_panic_becomes_a_status_and_a_message_with_its_place() {

@@ -14,7 +14,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex};
 
 use super::shared::SharedAsset;
-use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
+use super::status::{Failure, Outcome, VRTM_ERROR_INVALID_HANDLE, VRTM_ERROR_OUT_OF_MEMORY};
 use vrtm::{Asset, Device};
 use vrtm_core::panics::lock;
 
@@ -161,10 +161,11 @@ pub(super) static DEVICES: Table<Device> = Table::new(Kind::Device, "device");
 pub(super) static ASSETS: Table<SharedAsset> = Table::new(Kind::Asset, "asset");
 
 fn gone(argument: &str, kind: &str, id: u64) -> Failure {
-    Failure::handle(match id {
+    let message = match id {
         0 => format!("{argument}: the handle is zero"),
         _ => format!("{argument}: the handle {id:#x} is no living {kind}"),
-    })
+    };
+    Failure { status: VRTM_ERROR_INVALID_HANDLE, message }
 }
 
 pub(super) fn add_asset(asset: Asset) -> Outcome<vrtm_asset> {
@@ -214,26 +215,17 @@ mod tests {
     #[test]
     fn handles_are_given_out_once_by_many_threads() {
         let table: Table<u32> = Table::new(Kind::Job, "job");
-        let serials = std::thread::scope(|scope| {
-            let workers: Vec<_> = (0..4)
-                .map(|_| {
-                    scope.spawn(|| {
-                        let mut mine = Vec::new();
-                        for i in 0..1000 {
-                            let serial = table.add(i).unwrap();
-                            if i % 2 == 0 {
-                                assert_eq!(*table.remove(serial).unwrap(), i);
-                            }
-                            mine.push(serial);
-                        }
-                        mine
-                    })
-                })
-                .collect();
-            workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect::<Vec<_>>()
-        });
-        let distinct: std::collections::BTreeSet<_> = serials.iter().collect();
-        assert_eq!(distinct.len(), serials.len());
+        let distinct = Mutex::new(std::collections::BTreeSet::new());
+        let work = || {
+            for i in 0..1000 {
+                let serial = table.add(i).unwrap();
+                if i % 2 == 0 {
+                    assert_eq!(*table.remove(serial).unwrap(), i);
+                }
+                assert!(lock(&distinct).insert(serial), "{serial} came twice");
+            }
+        };
+        std::thread::scope(|scope| (0..4).for_each(|_| _ = scope.spawn(work)));
         assert_eq!(lock(&table.entries).live.len(), 2000);
     }
 }

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-use super::desc::{Out, Place, sized};
-use super::guard::guard;
+use super::desc::sized;
+use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, Kind, Table, vrtm_asset, vrtm_job};
 use super::shared::Claim;
 use super::solve::{CheckedOptions, vrtm_solve_options};
@@ -94,10 +94,6 @@ impl Work {
     }
 }
 
-fn cancelled() -> Failure {
-    Failure::new(VRTM_ERROR_CANCELLED, "the job was cancelled")
-}
-
 impl Job {
     fn new(work: Work) -> Job {
         Job {
@@ -142,11 +138,10 @@ impl Job {
 
     fn cancel(&self) {
         self.control.cancel();
-        let waiting = matches!(&*lock(&self.state), State::Waiting(_));
         // A host's queue may take long to start a waiting job: end it here.
-        if waiting && let Some(work) = self.begin() {
+        if let Some(work) = self.begin() {
             drop(work);
-            self.end(Err(cancelled()));
+            self.end(Err(Failure::new(VRTM_ERROR_CANCELLED, "the job was cancelled")));
         }
     }
 
@@ -204,8 +199,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
     options: *const vrtm_solve_options,
     job: *mut vrtm_job,
 ) -> vrtm_status {
-    guard("vrtm_asset_submit", || {
-        let out = Place::new(job, "job")?;
+    guard_value("vrtm_asset_submit", job, "job", || {
         let shared = handle::asset(asset)?;
         // SAFETY: the host's pointers, valid during the call.
         let (positions, checked) =
@@ -240,8 +234,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
                 }
             }
         }
-        out.write(handle);
-        Ok(())
+        Ok(handle)
     })
 }
 
@@ -269,8 +262,7 @@ pub unsafe extern "C" fn vrtm_job_get_progress(
     job: vrtm_job,
     progress: *mut vrtm_job_progress,
 ) -> vrtm_status {
-    guard("vrtm_job_get_progress", || {
-        let out = Out::new(progress, "progress")?;
+    guard_struct("vrtm_job_get_progress", progress, "progress", || {
         let job = JOBS.get("job", job.id)?;
         let progress = job.control.progress();
         let now = job.submitted.elapsed().as_secs_f32() * 1000.0;
@@ -281,8 +273,7 @@ pub unsafe extern "C" fn vrtm_job_get_progress(
             }
             _ => (VRTM_JOB_RUNNING, VRTM_OK, now),
         };
-        out.write(vrtm_job_progress { struct_size: 0, state, status, progress, ms });
-        Ok(())
+        Ok(vrtm_job_progress { struct_size: 0, state, status, progress, ms })
     })
 }
 

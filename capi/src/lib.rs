@@ -25,13 +25,13 @@ pub mod status;
 mod desc;
 mod hook;
 mod guard;
-pub mod adapter;
 pub mod allocator;
 mod shared;
 pub mod handle;
 mod strips;
 pub mod types;
 pub mod mirror;
+pub mod adapter;
 pub mod mesh;
 pub mod asset;
 pub mod executor;
@@ -56,8 +56,10 @@ static ALLOCATOR: vrtm_core::allocation::Allocator = vrtm_core::allocation::Allo
 
 /// The structs that mirror those of the Rust API, for the header.
 pub const MIRRORED: &[mirror::Struct] = &[
+    adapter::vrtm_adapter_info::MIRROR,
     asset::vrtm_asset_info::MIRROR,
     carrier::vrtm_carrier_info::MIRROR,
+    device::vrtm_device_info::MIRROR,
     solve::vrtm_pbd_settings::MIRROR,
     solve::vrtm_solve_options::MIRROR,
     map::vrtm_map_info::MIRROR,

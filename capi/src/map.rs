@@ -1,11 +1,11 @@
 //! The certificate of a redirection map.
 
-use super::desc::{self, Out, sized};
+use super::desc::{self, sized};
 use super::fetch::{fetch_kind, vrtm_fetch_kind};
-use super::guard::guard;
+use super::guard::guard_struct;
 use super::handle::{self, vrtm_tile};
 use super::mirror::mirror;
-use super::status::{Outcome, vrtm_status};
+use super::status::vrtm_status;
 use super::types::{pixel_format, vrtm_pixel_format};
 use vrtm::{MapDesc, MapReport};
 
@@ -54,20 +54,12 @@ pub unsafe extern "C" fn vrtm_tile_inspect_map(
     desc: *const vrtm_map_desc,
     info: *mut vrtm_map_info,
 ) -> vrtm_status {
-    guard("vrtm_tile_inspect_map", || {
-        let out = Out::new(info, "info")?;
+    guard_struct("vrtm_tile_inspect_map", info, "info", || {
         let (asset, tile) = handle::tile("tile", tile)?;
         // SAFETY: the host's pointer.
-        let desc = read(unsafe { desc::read(desc, "desc") }?)?;
-        out.write(asset.results.inspect_map(tile, &desc)?.into());
-        Ok(())
-    })
-}
-
-fn read(desc: vrtm_map_desc) -> Outcome<MapDesc> {
-    Ok(MapDesc {
-        kind: fetch_kind(desc.kind, "desc.kind")?,
-        format: pixel_format(desc.format, "desc")?,
-        size: [desc.width, desc.height],
+        let desc = unsafe { desc::read(desc, "desc") }?;
+        let (kind, format) = (fetch_kind(desc.kind, "desc.kind")?, pixel_format(desc.format, "desc")?);
+        let desc = MapDesc { kind, format, size: [desc.width, desc.height] };
+        Ok(asset.results.inspect_map(tile, &desc)?.into())
     })
 }

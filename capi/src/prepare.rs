@@ -2,8 +2,8 @@
 
 use std::ffi::c_void;
 
-use super::desc::{self, Out, Place};
-use super::guard::guard;
+use super::desc;
+use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, vrtm_tile};
 use super::mirror::mirror;
 use super::status::vrtm_status;
@@ -28,11 +28,9 @@ pub unsafe extern "C" fn vrtm_tile_get_estimate(
     tile: vrtm_tile,
     estimate: *mut vrtm_tile_estimate,
 ) -> vrtm_status {
-    guard("vrtm_tile_get_estimate", || {
-        let out = Out::new(estimate, "estimate")?;
+    guard_struct("vrtm_tile_get_estimate", estimate, "estimate", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        out.write(asset.write(|asset| Ok(asset.tile_estimate(tile)?))?.into());
-        Ok(())
+        Ok(asset.write(|asset| Ok(asset.tile_estimate(tile)?))?.into())
     })
 }
 
@@ -50,8 +48,7 @@ pub unsafe extern "C" fn vrtm_tile_save(
     capacity: usize,
     size: *mut usize,
 ) -> vrtm_status {
-    guard("vrtm_tile_save", || {
-        let out_size = Place::new(size, "size")?;
+    guard_value("vrtm_tile_save", size, "size", || {
         let (asset, tile) = handle::tile("tile", tile)?;
         let needed = asset.write(|asset| Ok(asset.saved_tile_size(tile)?))?;
         if !data.is_null() {
@@ -60,8 +57,7 @@ pub unsafe extern "C" fn vrtm_tile_save(
             let out = unsafe { desc::slice_mut(data.cast::<u8>(), needed, "data") }?;
             asset.write(|asset| Ok(asset.save_tile_to(tile, out)?))?;
         }
-        out_size.write(needed);
-        Ok(())
+        Ok(needed)
     })
 }
 

@@ -1,11 +1,10 @@
 //! Refinements: meshes split until interpolated corner UVs are accurate.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, TryLockError};
 
-use super::desc::{self, Out, Place, sized};
-use super::guard::guard;
+use super::desc::{self, sized};
+use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, Kind, Table, vrtm_asset, vrtm_refinement};
 use super::mirror::mirror;
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
@@ -68,7 +67,8 @@ sized!(vrtm_refinement_pattern);
 #[derive(Debug)]
 pub(super) struct SharedRefinement {
     present: Mutex<Arc<Refinement>>,
-    extending: AtomicBool,
+    /// Locked by the call that extends it.
+    extending: Mutex<()>,
 }
 
 impl SharedRefinement {
@@ -77,16 +77,10 @@ impl SharedRefinement {
     }
 
     fn extend(&self) -> Outcome<()> {
-        struct Turn<'a>(&'a AtomicBool);
-        impl Drop for Turn<'_> {
-            fn drop(&mut self) {
-                self.0.store(false, Ordering::Release);
-            }
-        }
-        if self.extending.swap(true, Ordering::Acquire) {
+        let turn = self.extending.try_lock();
+        if let Err(TryLockError::WouldBlock) = turn {
             return Err(Failure::new(VRTM_ERROR_BUSY, "refinement: another call is extending it"));
         }
-        let _turn = Turn(&self.extending);
         let mut next = (*self.present()).clone();
         next.extend()?;
         let next = Arc::new(next);
@@ -119,16 +113,14 @@ pub unsafe extern "C" fn vrtm_refinement_create(
     desc: *const vrtm_refinement_desc,
     refinement: *mut vrtm_refinement,
 ) -> vrtm_status {
-    guard("vrtm_refinement_create", || {
-        let out = Place::new(refinement, "refinement")?;
+    guard_value("vrtm_refinement_create", refinement, "refinement", || {
         let asset = handle::asset(asset)?;
         // SAFETY: the host's pointer.
         let desc: vrtm_refinement_desc = unsafe { desc::read_or_default(desc, "desc") }?;
         let settings = desc.settings()?;
         let present = Mutex::new(Arc::new(asset.results.refine(&settings)?));
-        let shared = SharedRefinement { present, extending: AtomicBool::new(false) };
-        out.write(vrtm_refinement { id: REFINEMENTS.add(shared)? });
-        Ok(())
+        let shared = SharedRefinement { present, extending: Mutex::default() };
+        Ok(vrtm_refinement { id: REFINEMENTS.add(shared)? })
     })
 }
 
@@ -153,10 +145,8 @@ pub unsafe extern "C" fn vrtm_refinement_get_info(
     refinement: vrtm_refinement,
     info: *mut vrtm_refinement_info,
 ) -> vrtm_status {
-    guard("vrtm_refinement_get_info", || {
-        let out = Out::new(info, "info")?;
-        out.write(REFINEMENTS.get("refinement", refinement.id)?.present().info().into());
-        Ok(())
+    guard_struct("vrtm_refinement_get_info", info, "info", || {
+        Ok(REFINEMENTS.get("refinement", refinement.id)?.present().info().into())
     })
 }
 

@@ -1,7 +1,7 @@
 //! Reports of the last solve.
 
-use super::desc::{self, Out, Place};
-use super::guard::guard;
+use super::desc;
+use super::guard::{guard_struct, guard_value};
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::mirror;
 use super::status::vrtm_status;
@@ -67,11 +67,9 @@ mirror! {
 /// `report` is null or has a wrong struct_size. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_report(tile: vrtm_tile, report: *mut vrtm_tile_report) -> vrtm_status {
-    guard("vrtm_tile_get_report", || {
-        let out = Out::new(report, "report")?;
+    guard_struct("vrtm_tile_get_report", report, "report", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        out.write(asset.results.tile_report(tile)?.into());
-        Ok(())
+        Ok(asset.results.tile_report(tile)?.into())
     })
 }
 
@@ -88,8 +86,7 @@ pub unsafe extern "C" fn vrtm_tile_get_worst_features(
     capacity: usize,
     count: *mut u32,
 ) -> vrtm_status {
-    guard("vrtm_tile_get_worst_features", || {
-        let out_count = Place::new(count, "count")?;
+    guard_value("vrtm_tile_get_worst_features", count, "count", || {
         let (asset, tile) = handle::tile("tile", tile)?;
         let strain = asset.results.tile_report(tile)?.strain.unwrap_or_default();
         if !features.is_null() || capacity > 0 {
@@ -97,8 +94,7 @@ pub unsafe extern "C" fn vrtm_tile_get_worst_features(
             let out = unsafe { desc::slice_mut(features, capacity, "features") }?;
             out.iter_mut().zip(strain.worst()).for_each(|(out, worst)| *out = (*worst).into());
         }
-        out_count.write(strain.worst().len() as u32);
-        Ok(())
+        Ok(strain.worst().len() as u32)
     })
 }
 
@@ -111,9 +107,7 @@ pub unsafe extern "C" fn vrtm_asset_get_report(
     asset: vrtm_asset,
     report: *mut vrtm_asset_report,
 ) -> vrtm_status {
-    guard("vrtm_asset_get_report", || {
-        let out = Out::new(report, "report")?;
-        out.write(handle::asset(asset)?.results.report()?.into());
-        Ok(())
+    guard_struct("vrtm_asset_get_report", report, "report", || {
+        Ok(handle::asset(asset)?.results.report()?.into())
     })
 }

@@ -99,10 +99,6 @@ impl Failure {
         Failure { status: VRTM_ERROR_INVALID_ARGUMENT, message: message.into() }
     }
 
-    pub fn handle(message: impl Into<String>) -> Failure {
-        Failure { status: VRTM_ERROR_INVALID_HANDLE, message: message.into() }
-    }
-
     pub fn unsupported(message: impl Into<String>) -> Failure {
         Failure { status: VRTM_ERROR_UNSUPPORTED, message: message.into() }
     }
@@ -151,10 +147,10 @@ pub(super) fn chars<const N: usize>(text: &str) -> [c_char; N] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn last_error() -> String {
+    pub fn last_error() -> String {
         // SAFETY: the function returns this thread's zero-terminated line.
         unsafe { CStr::from_ptr(vrtm_last_error()) }.to_str().unwrap().to_owned()
     }

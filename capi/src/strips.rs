@@ -100,15 +100,10 @@ mod tests {
     /// `Strips::meet` by comparing all bytes.
     fn plainly(a: &Strips, b: &Strips) -> bool {
         let bytes = |s: &Strips| {
-            let [(count, step), (rows, row_step)] = s.steps;
-            let mut bytes = std::collections::BTreeSet::new();
-            for row in 0..rows {
-                for k in 0..count {
-                    let first = s.start + row * row_step + k * step;
-                    bytes.extend(first..first + s.size);
-                }
-            }
-            bytes
+            let (start, size, [(count, step), (rows, row_step)]) = (s.start, s.size, s.steps);
+            let of_row = move |row| (0..count).map(move |k| start + row * row_step + k * step);
+            let pieces = (0..rows).flat_map(of_row);
+            pieces.flat_map(move |first| first..first + size).collect::<std::collections::BTreeSet<_>>()
         };
         !bytes(a).is_disjoint(&bytes(b))
     }

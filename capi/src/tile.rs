@@ -1,7 +1,7 @@
 //! A tile's facts, maps and settings.
 
-use super::desc::{self, Out, Place};
-use super::guard::guard;
+use super::desc;
+use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::{choice, mirror};
 use super::status::{Failure, vrtm_status};
@@ -63,13 +63,11 @@ pub struct vrtm_tile_key {
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `key` is null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_key(tile: vrtm_tile, key: *mut vrtm_tile_key) -> vrtm_status {
-    guard("vrtm_tile_get_key", || {
-        let out = Place::new(key, "key")?;
+    guard_value("vrtm_tile_get_key", key, "key", || {
         let (asset, tile) = handle::tile("tile", tile)?;
         let (udim, uv_set) = asset.results.tile_udim(tile);
         let (layer, layers) = asset.results.tile_layer(tile);
-        out.write(vrtm_tile_key { udim, uv_set, layer, layers });
-        Ok(())
+        Ok(vrtm_tile_key { udim, uv_set, layer, layers })
     })
 }
 
@@ -83,8 +81,7 @@ pub unsafe extern "C" fn vrtm_asset_find_tile(
     key: *const vrtm_tile_key,
     tile: *mut vrtm_tile,
 ) -> vrtm_status {
-    guard("vrtm_asset_find_tile", || {
-        let out = Place::new(tile, "tile")?;
+    guard_value("vrtm_asset_find_tile", tile, "tile", || {
         let shared = handle::asset(asset)?;
         // SAFETY: the host's pointer.
         let vrtm_tile_key { udim, uv_set, layer, .. } = unsafe { desc::slice(key, 1, "key") }?[0];
@@ -95,8 +92,7 @@ pub unsafe extern "C" fn vrtm_asset_find_tile(
             found.ok_or_else(|| Failure::argument(format!("key.udim: the asset has no tile {udim}")))?;
         let layers = shared.results.tile_layer(index).1;
         ensure!(layer < layers, "key.layer is {layer}, but tile {udim} has {layers} layers");
-        out.write(handle::tile_handle(asset, index + layer as usize));
-        Ok(())
+        Ok(handle::tile_handle(asset, index + layer as usize))
     })
 }
 
@@ -118,12 +114,10 @@ pub struct vrtm_tile_grid {
 /// VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_grid(tile: vrtm_tile, grid: *mut vrtm_tile_grid) -> vrtm_status {
-    guard("vrtm_tile_get_grid", || {
-        let out = Place::new(grid, "grid")?;
+    guard_value("vrtm_tile_get_grid", grid, "grid", || {
         let (asset, tile) = handle::tile("tile", tile)?;
         let [width, height] = asset.write(|asset| Ok(asset.tile_grid(tile)?))?;
-        out.write(vrtm_tile_grid { width, height });
-        Ok(())
+        Ok(vrtm_tile_grid { width, height })
     })
 }
 
@@ -134,11 +128,9 @@ pub unsafe extern "C" fn vrtm_tile_get_grid(tile: vrtm_tile, grid: *mut vrtm_til
 /// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_info(tile: vrtm_tile, info: *mut vrtm_tile_info) -> vrtm_status {
-    guard("vrtm_tile_get_info", || {
-        let out = Out::new(info, "info")?;
+    guard_struct("vrtm_tile_get_info", info, "info", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        out.write(asset.write(|asset| Ok(asset.tile_info(tile)?))?.into());
-        Ok(())
+        Ok(asset.write(|asset| Ok(asset.tile_info(tile)?))?.into())
     })
 }
 
@@ -265,12 +257,10 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
     tile: vrtm_tile,
     settings: *mut vrtm_tile_settings,
 ) -> vrtm_status {
-    guard("vrtm_tile_get_settings", || {
-        let out = Out::new(settings, "settings")?;
+    guard_struct("vrtm_tile_get_settings", settings, "settings", || {
         let (asset, tile) = handle::tile("tile", tile)?;
         let now = asset.read(|asset| Ok(asset.settings(tile)?))?;
-        out.write((&now).into());
-        Ok(())
+        Ok((&now).into())
     })
 }
 

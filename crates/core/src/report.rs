@@ -22,7 +22,7 @@ pub use report;
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct DeviceInfo {
-    /// The backend in use, never `Auto`.
+    /// The backend in use: [`Backend::Cpu`] or [`Backend::Gpu`].
     pub backend: Backend,
     /// The processor's or adapter's name.
     pub name: String,
@@ -30,11 +30,11 @@ pub struct DeviceInfo {
     pub reason: String,
     /// CPU threads per solve.
     pub threads: u32,
-    /// Bytes that the tiles of all assets of the device hold now.
+    /// Bytes that the prepared tiles of all assets of the device hold now, with their maps and solvers.
     pub bytes_held: u64,
 }
 
-/// A GPU that a device could be made on.
+/// A GPU that a device can be made on.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct AdapterInfo {
@@ -55,11 +55,11 @@ pub struct AdapterInfo {
     pub luid: Option<[u8; 8]>,
     /// `MTLDevice.registryID`.
     pub registry_id: Option<u64>,
-    /// PCI vendor; 0 if the interface does not report it.
+    /// PCI vendor ID; 0 if the interface does not report it.
     pub vendor: u32,
-    /// PCI device of that vendor; 0 if the interface does not report it.
+    /// PCI device ID of the vendor; 0 if the interface does not report it.
     pub device: u32,
-    /// Place on the PCI bus, `domain:bus:device.function`, hexadecimal; empty if the interface does not report it.
+    /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty if the interface does not report it.
     pub pci_bus: String,
 }
 

@@ -243,14 +243,21 @@ fn number(number: f32) -> String {
 
 /// A field as C declares it.
 fn declaration(field: &Field) -> String {
-    let (base, pointer) = match field.kind.split_once(' ') {
+    let array = field.kind.strip_prefix('[').and_then(|kind| kind.strip_suffix(']')?.split_once("; "));
+    let (kind, name) = match array {
+        Some((kind, length)) => (kind, format!("{}[{length}]", field.name)),
+        None => (field.kind, field.name.to_owned()),
+    };
+    let (base, pointer) = match kind.split_once(' ') {
         Some(("*const", base)) => (base, "const "),
         Some(("*mut", base)) => (base, ""),
-        _ => (field.kind, "-"),
+        _ => (kind, "-"),
     };
     let base = match base {
         "f32" => "float",
         "f64" => "double",
+        "c_char" => "char",
+        "u8" => "uint8_t",
         "u32" => "uint32_t",
         "u64" => "uint64_t",
         "usize" => "size_t",
@@ -258,8 +265,8 @@ fn declaration(field: &Field) -> String {
         other => other,
     };
     match pointer {
-        "-" => format!("{base} {}", field.name),
-        qualifier => format!("{qualifier}{base} *{}", field.name),
+        "-" => format!("{base} {name}"),
+        qualifier => format!("{qualifier}{base} *{name}"),
     }
 }
 
