@@ -11,7 +11,6 @@ use vrtm_core::method::plan::ChartResult;
 
 use super::lanes::{LANES, Lanes, Vectorised, dispatch};
 use super::run::Run;
-use vrtm_core::team::SharedSlice;
 
 impl Run<'_> {
     /// Certifies the finest level's state and makes it the result. A chart becomes the identity if it is folded or if
@@ -48,11 +47,8 @@ impl Run<'_> {
             }
             let blocks = self.grid.levels[0].blocks.of_chart[c].clone();
             let u = &self.memory.levels[0].u[blocks.clone()];
-            let result = SharedSlice::new(&mut self.result[blocks]);
-            self.team.run(u.len(), |k| {
-                // SAFETY: each item has its own block.
-                unsafe { *result.get_mut(k) = if better { u[k] } else { [[0.0; NODES]; 2] } };
-            });
+            let identity = [[0.0; NODES]; 2];
+            self.team.fill(&mut self.result[blocks], |k, of| *of = if better { u[k] } else { identity });
         }
     }
 
@@ -62,11 +58,7 @@ impl Run<'_> {
         let level = &self.grid.levels[0];
         let u = &self.memory.levels[0].u;
         let mut parts = vec![Certificate::default(); blocks.len()];
-        let shared = SharedSlice::new(&mut parts);
-        self.team.run(blocks.len(), |k| {
-            // SAFETY: each item has its own certificate.
-            unsafe { *shared.get_mut(k) = certify_block(level, u, blocks[k] as usize) };
-        });
+        self.team.fill(&mut parts, |k, part| *part = certify_block(level, u, blocks[k] as usize));
         let mut certificates = vec![Certificate::default(); self.charts.len()];
         for (part, &b) in parts.iter().zip(blocks) {
             certificates[level.blocks.list[b as usize].chart as usize].add(part);

@@ -114,11 +114,11 @@ impl Run<'_> {
         let trials = trial_fractions(level);
         for (trial, &trial_fraction) in trials.iter().chain(&[0.0]).enumerate() {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
-            let blocks = self.work[level].active.clone();
+            let (state, blocks) = (self.memory.levels[level].state(), &self.work[level].active);
             if blocks.is_empty() {
                 break;
             }
-            self.move_and_resample(level, &blocks, Start::Present, |b, u| {
+            self.move_and_resample(level, state, blocks, Start::Present, |b, u| {
                 // SAFETY: each item has its own block.
                 let u_before = unsafe { displacement.get_mut(b) };
                 if trial == 0 {

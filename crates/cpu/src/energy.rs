@@ -2,16 +2,13 @@
 
 use super::buffers::State;
 use super::lanes::{Lanes, Mask, Vectorised, dispatch};
-use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Weights};
+use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Source, Weights};
 use super::row::Row;
 use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
 use super::terms::{Terms, least_jacobian, room_energy};
-use vrtm_core::allocation::{Vec, zeroed};
-use vrtm_core::grid::Level;
-use vrtm_core::grid::planes::Plane;
+use vrtm_core::allocation::Vec;
 use vrtm_core::method::law::CRUSHED_JACOBIAN;
-use vrtm_core::team::SharedSlice;
 
 impl Run<'_> {
     /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0
@@ -71,42 +68,21 @@ impl Energies {
 }
 
 impl SurfaceFn<Vec<f64>> for Energies {
-    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> Vec<f64> {
-        let level = &run.grid.levels[self.level];
-        let blocks = &run.work[self.level].active;
-        let mut sums = zeroed::<f64>(blocks.len());
-        let shared = SharedSlice::new(&mut sums);
-        let next = |b| Patch::prefetch_next(level, state, b);
-        run.each_of(blocks, next, |worker, k, b| {
-            let sum = run.patches.with(worker, |patch| {
-                dispatch(BlockEnergy {
-                    patch,
-                    level,
-                    state,
-                    surface,
-                    weights: &self.weights,
-                    anchor: run.anchor,
-                    b,
-                    allow_folds: self.allow_folds,
-                    is_identity: self.is_identity,
-                })
-            });
-            // SAFETY: each item has its own sum.
-            unsafe { *shared.get_mut(k) = sum };
-        });
-        run.sum_per_chart(self.level, &sums)
+    fn call<S: Surface>(self, run: &Run, state: State, surface: S) -> Vec<f64> {
+        let Energies { level, ref weights, allow_folds, is_identity } = self;
+        let next = |b| Patch::prefetch_next(&run.grid.levels[level], state, b);
+        run.sum_blocks(level, next, |worker, b| {
+            let source = Source { weights, ..run.source(level, state, surface, b) };
+            run.patches
+                .with(worker, |patch| dispatch(BlockEnergy { patch, source, allow_folds, is_identity }))
+        })
     }
 }
 
-/// The part of block `b` in its chart's energy. No other item may write the state meanwhile.
+/// A block's part in its chart's energy. No other item may write the state meanwhile.
 struct BlockEnergy<'a, S> {
     patch: &'a mut Patch,
-    level: &'a Level,
-    state: State,
-    surface: S,
-    weights: &'a Weights,
-    anchor: &'a [[Plane; 2]],
-    b: usize,
+    source: Source<'a, S>,
     /// As in `Energies`.
     allow_folds: bool,
     is_identity: bool,
@@ -117,24 +93,19 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let BlockEnergy { patch, level, state, surface, weights, anchor, b, allow_folds, is_identity } = self;
+        let BlockEnergy { patch, source, allow_folds, is_identity } = self;
         // SAFETY: nothing writes the state.
-        unsafe { patch.load::<V, S>(level, state, surface, weights, anchor, b) };
+        unsafe { patch.load::<V, S>(&source) };
         if is_identity {
-            patch.load_identity(level, surface, b);
+            patch.load_identity(&source);
         }
         let mut total = Total::<V>::new();
         for row in Row::all() {
             let movable = patch.movable_lanes::<V>(row);
             if movable.any() {
-                let p = patch.node_state::<V>(row);
-                total.add(
-                    patch,
-                    row,
-                    movable,
-                    weights,
-                    &patch.terms::<V, S>(row, &p, weights, patch.has_stiff_edges::<V>(row, weights)),
-                );
+                let (p, weights) = (patch.node_state::<V>(row), source.weights);
+                let terms = patch.terms::<V, S>(row, &p, weights, patch.has_stiff_edges::<V>(row, weights));
+                total.add(patch, row, movable, weights, &terms);
             }
         }
         if allow_folds { total.sum() } else { total.energy() }

@@ -66,9 +66,8 @@ impl Run<'_> {
     /// Computes the energy of the identity anew if level 0 is weighed; the level's samples become the identity's.
     pub(super) fn weigh_identity(&mut self) {
         if self.memory.levels[0].is_weighed {
-            let stored = std::mem::take(&mut self.work[0].stored);
-            self.resample(0, &stored, Start::Identity);
-            self.work[0].stored = stored;
+            let state = self.memory.levels[0].state();
+            self.resample(0, state, &self.work[0].stored, Start::Identity);
             self.store_identity_energy(0);
         }
     }

@@ -2,7 +2,7 @@
 //! (method §1).
 
 use vrtm_core::allocation::{Plain, zeroed_box};
-use vrtm_core::grid::planes::{Plane, SIDE};
+use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
 use vrtm_core::grid::{Level, mirrors};
 use vrtm_core::mesh::NONE;
@@ -14,7 +14,7 @@ use super::decode::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};
 use super::prefetch::prefetch_next;
 use super::row::Row;
-use super::sampling::{GridRow, Samples, Surface};
+use super::sampling::{Samples, Surface};
 
 /// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
 /// neighbour owns it.
@@ -71,13 +71,21 @@ impl Weights {
     }
 }
 
+/// A block `b` of a level, and what its patch is gathered from.
+#[derive(Clone, Copy)]
+pub struct Source<'a, S> {
+    pub level: &'a Level,
+    pub state: State,
+    pub surface: S,
+    pub weights: &'a Weights,
+    /// The previous result.
+    pub anchor: &'a [[Plane; 2]],
+    pub b: usize,
+}
+
 /// All quantities of a block, in windows.
 #[derive(Debug)]
 pub struct Patch {
-    pub block: usize,
-    /// Column and row of the block's first node in the level.
-    pub x: i64,
-    pub y: i64,
     pub u: [Window; 2],
     pub value: [Window; 3],
     pub triangle: Window<u32>,
@@ -129,26 +137,15 @@ impl Patch {
         prefetch_next(&level.rest_length[b]);
     }
 
-    /// Gathers block `b` of a level with its halo. `anchor` is the previous result.
+    /// Gathers a block with its halo.
     ///
     /// # Safety
     /// No other item writes this block or its neighbour blocks meanwhile.
     #[inline(always)]
-    pub unsafe fn load<V: Lanes, S: Surface>(
-        &mut self,
-        level: &Level,
-        state: State,
-        surface: S,
-        weights: &Weights,
-        anchor: &[[Plane; 2]],
-        b: usize,
-    ) {
+    pub unsafe fn load<V: Lanes, S: Surface>(&mut self, source: &Source<S>) {
+        let Source { level, state, surface, weights, anchor, b } = *source;
         let neighbours = &level.blocks.neighbours[b];
-        let block = &level.blocks.list[b];
-        self.block = b;
-        self.x = i64::from(block.x) * SIDE as i64;
-        self.y = i64::from(block.y) * SIDE as i64;
-        self.floor = level.floor[block.chart as usize];
+        self.floor = level.floor[level.blocks.list[b].chart as usize];
         // SAFETY: promised by the caller.
         unsafe {
             for c in 0..2 {
@@ -185,20 +182,16 @@ impl Patch {
             self.load_tangents::<V, S>(surface);
         }
         if weights.pull > 0.0 {
-            for (c, window) in self.anchor.iter_mut().enumerate() {
-                window::load(neighbours, 0.0, |b| &anchor[b][c], window);
-            }
+            self.anchor = window::planes(neighbours, |b, c| &anchor[b][c]);
         }
     }
 
-    /// Replaces the displacements and values of block `b` by those of the identity.
+    /// Replaces a block's displacements and values by those of the identity.
     #[inline(always)]
-    pub fn load_identity<S: Surface>(&mut self, level: &Level, surface: S, b: usize) {
+    pub fn load_identity<S: Surface>(&mut self, source: &Source<S>) {
         self.u = [[0.0; WINDOW_NODES]; 2];
-        for (c, window) in self.value.iter_mut().enumerate() {
-            if let Some(values) = surface.at_nodes() {
-                window::load(&level.blocks.neighbours[b], 0.0, |b| &values[b][c], window);
-            }
+        if let Some(values) = source.surface.at_nodes() {
+            self.value = window::planes(&source.level.blocks.neighbours[source.b], |b, c| &values[b][c]);
         }
     }
 
@@ -240,12 +233,6 @@ impl Patch {
     #[inline(always)]
     pub fn movable_lanes<V: Lanes>(&self, row: Row) -> V::Mask {
         V::zero().lt(V::load_u8(&self.movable, row.at(0, 0)))
-    }
-
-    /// A row's nodes in the coordinates of the level.
-    #[inline(always)]
-    pub fn grid_row(&self, row: Row) -> GridRow {
-        GridRow { block: self.block, i: self.x + row.column() as i64, j: self.y + row.line() as i64 }
     }
 
     /// The present state of a row's nodes.

@@ -21,7 +21,6 @@ use block::PassBlock;
 use project::Project;
 use regularise::{Regularise, Velocity};
 use vrtm_core::team::SharedSlice;
-use vrtm_core::unwind::{go_on, hold_back};
 
 impl Run<'_> {
     /// Does one iteration: projects the eight sets in turn; then, if the iteration includes it, regularises, integrates
@@ -77,16 +76,13 @@ impl Run<'_> {
 
     /// Runs a pass over all active blocks of a level, and makes its output the level's state.
     fn pass(&mut self, level: usize, pass: Pass) {
-        let mut buffers = std::mem::take(&mut self.memory.pbd[level]);
-        let next = buffers.next.state();
-        let previous = SharedSlice::new(&mut buffers.previous);
-        let passed = hold_back(|| self.with_surface(level, RunPass { level, pass, next, previous }));
-        let state = &mut self.memory.levels[level];
-        std::mem::swap(&mut state.u, &mut buffers.next.u);
-        std::mem::swap(&mut state.value, &mut buffers.next.value);
-        std::mem::swap(&mut state.triangle, &mut buffers.next.triangle);
-        self.memory.pbd[level] = buffers;
-        go_on(passed);
+        let buffers = &mut self.memory.pbd[level];
+        let (next, previous) = (buffers.next.state(), SharedSlice::new(&mut buffers.previous));
+        self.with_surface(level, RunPass { level, pass, next, previous });
+        let (state, next) = (&mut self.memory.levels[level], &mut self.memory.pbd[level].next);
+        std::mem::swap(&mut state.u, &mut next.u);
+        std::mem::swap(&mut state.value, &mut next.value);
+        std::mem::swap(&mut state.triangle, &mut next.triangle);
     }
 }
 
@@ -106,7 +102,7 @@ struct RunPass {
 }
 
 impl SurfaceFn<()> for RunPass {
-    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
+    fn call<S: Surface>(self, run: &Run, state: State, surface: S) {
         let RunPass { level, pass, next, previous } = self;
         let blocks = &run.work[level].active;
         let level = &run.grid.levels[level];

@@ -16,15 +16,9 @@ use vrtm_core::team::SharedSlice;
 impl Run<'_> {
     /// Sets a level to the identity.
     pub(super) fn start_from_identity(&mut self, level: usize) {
-        let u = SharedSlice::new(&mut self.memory.levels[level].u);
-        let blocks = &self.work[level].stored;
-        self.team.run(blocks.len(), |k| {
-            // SAFETY: each item has its own block.
-            unsafe { *u.get_mut(blocks[k] as usize) = [[0.0; NODES]; 2] };
-        });
-        let stored = std::mem::take(&mut self.work[level].stored);
-        self.resample(level, &stored, Start::Identity);
-        self.work[level].stored = stored;
+        let state = self.memory.levels[level].state();
+        let set = |_, u: &mut _| *u = [[0.0; NODES]; 2];
+        self.move_and_resample(level, state, &self.work[level].stored, Start::Identity, set);
         if level == 0 {
             self.store_identity_energy(0);
             self.sum_identity();
@@ -34,12 +28,9 @@ impl Run<'_> {
     /// Sets the finest level to the previous result.
     pub(super) fn start_from_previous(&mut self) {
         self.start_from_identity(0);
-        for &b in &self.work[0].active {
-            self.memory.levels[0].u[b as usize] = self.anchor[b as usize];
-        }
-        let active = std::mem::take(&mut self.work[0].active);
-        self.resample(0, &active, Start::Nearest);
-        self.work[0].active = active;
+        let (state, anchor) = (self.memory.levels[0].state(), self.anchor);
+        let set = |b, u: &mut _| *u = anchor[b];
+        self.move_and_resample(0, state, &self.work[0].active, Start::Nearest, set);
     }
 
     /// Sets a level to displacements interpolated from the next coarser level.
@@ -49,12 +40,12 @@ impl Run<'_> {
             self.start_from_identity(level);
         } else {
             let inactive = self.zero_inactive_blocks(level);
-            self.resample(level, &inactive, Start::Identity);
+            let state = self.memory.levels[level].state();
+            self.resample(level, state, &inactive, Start::Identity);
         }
         self.interpolate_active_blocks(level);
-        let active = std::mem::take(&mut self.work[level].active);
-        self.resample(level, &active, Start::Nearest);
-        self.work[level].active = active;
+        let state = self.memory.levels[level].state();
+        self.resample(level, state, &self.work[level].active, Start::Nearest);
     }
 
     /// Interpolates the displacements alone, for a level whose samples are not needed.

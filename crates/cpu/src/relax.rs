@@ -7,17 +7,15 @@
 
 use std::sync::atomic::Ordering;
 
-use vrtm_core::grid::Level;
-use vrtm_core::grid::planes::Plane;
 use vrtm_core::method::law::passes;
 use vrtm_core::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN, SWEPT_MARGIN};
 
 use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
-use super::patch::{NodeState, Patch, Weights};
+use super::patch::{NodeState, Patch, Source};
 use super::row::Row;
 use super::run::{Run, SurfaceFn};
-use super::sampling::Surface;
+use super::sampling::{GridRow, Surface};
 use super::terms::QuadraticModel;
 
 impl Run<'_> {
@@ -41,42 +39,29 @@ pub struct Relax<'a> {
 }
 
 impl SurfaceFn<()> for Relax<'_> {
-    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
+    fn call<S: Surface>(self, run: &Run, state: State, surface: S) {
         let level = &run.grid.levels[self.level];
         for sweeps in passes(self.sweeps) {
-            let next = |b| Patch::prefetch_next(level, state, b);
-            run.each_colour(self.level, false, next, |worker, b| {
-                // Blocks of one colour do not touch.
-                run.patches.with(worker, |patch| {
+            // Blocks of one colour do not touch.
+            for blocks in &run.work[self.level].colours {
+                let next = |b| Patch::prefetch_next(level, state, b);
+                run.each_of(blocks, next, |worker, _, b| {
+                    let source = run.source(self.level, state, surface, b);
                     let fraction =
                         self.fraction.map_or(1.0, |fraction| fraction[level.blocks.list[b].chart as usize]);
-                    dispatch(RelaxBlock {
-                        patch,
-                        level,
-                        state,
-                        surface,
-                        weights: &run.weights[self.level],
-                        anchor: run.anchor,
-                        b,
-                        sweeps,
-                        fraction,
-                    });
+                    run.patches
+                        .with(worker, |patch| dispatch(RelaxBlock { patch, source, sweeps, fraction }));
                 });
-            });
+            }
         }
     }
 }
 
-/// Does some sweeps over block `b` with its halo frozen. No other item may access this block, or write to its neighbour
+/// Does some sweeps over a block with its halo frozen. No other item may access this block, or write to its neighbour
 /// blocks, meanwhile.
 struct RelaxBlock<'a, S> {
     patch: &'a mut Patch,
-    level: &'a Level,
-    state: State,
-    surface: S,
-    weights: &'a Weights,
-    anchor: &'a [[Plane; 2]],
-    b: usize,
+    source: Source<'a, S>,
     sweeps: u32,
     fraction: f32,
 }
@@ -86,16 +71,16 @@ impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let RelaxBlock { patch, level, state, surface, weights, anchor, b, sweeps, fraction } = self;
+        let RelaxBlock { patch, source, sweeps, fraction } = self;
         // SAFETY: no other item accesses the block, or writes to its neighbour blocks.
-        unsafe { patch.load::<V, S>(level, state, surface, weights, anchor, b) };
+        unsafe { patch.load::<V, S>(&source) };
         for _ in 0..sweeps {
             for row in Row::all() {
-                step::<V, S>(patch, surface, weights, row, fraction);
+                step::<V, S>(patch, &source, row, fraction);
             }
         }
         // SAFETY: no other item accesses the block.
-        unsafe { store::<S>(patch, state, b) };
+        unsafe { store::<S>(patch, source.state, source.b) };
     }
 }
 
@@ -128,7 +113,8 @@ unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
 
 /// Relaxes the nodes of one row. Their steps are multiplied by `fraction`.
 #[inline(always)]
-fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row, fraction: f32) {
+fn step<V: Lanes, S: Surface>(patch: &mut Patch, source: &Source<S>, row: Row, fraction: f32) {
+    let &Source { level, surface, weights, b, .. } = source;
     let mut lanes = patch.movable_lanes::<V>(row);
     if !lanes.any() {
         return;
@@ -148,7 +134,7 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     for _ in 0..2 {
         let u = each!([0, 1], |c| lanes.select(here.u[c] + delta[c], here.u[c]));
         let mut trial = NodeState { u, samples: here.samples };
-        let found = surface.sample_row(&patch.grid_row(row), &u, lanes, &mut trial.samples);
+        let found = surface.sample_row(&GridRow::new(level, b, row), &u, lanes, &mut trial.samples);
         let energy = patch.terms::<V, S>(row, &trial, weights, stiff).energy;
         // An infinite energy is never accepted, although `le` is true for two infinite energies.
         let lower = energy.le(model.terms.energy).and(energy.lt(V::splat(f32::INFINITY)));

@@ -1,6 +1,7 @@
 //! One solve of one tile on the CPU: the data that all of its stages share, and the stages that the schedule calls
 //! (method §5).
 
+use std::ops::AddAssign;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -15,13 +16,12 @@ use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::law::WARM_MULTIPLIER;
 use vrtm_core::method::plan::{ChartResult, Input, Purpose};
 use vrtm_core::method::stage::{Stage, Stages, Start};
-use vrtm_core::team::{PerThread, Team, Worker};
-use vrtm_core::unwind::{go_on, hold_back};
+use vrtm_core::team::{PerThread, SharedSlice, Team, Worker};
 
 use super::buffers::State;
 use super::correct::rows::Pairs;
 use super::memory::{Lists, Memory};
-use super::patch::{Patch, Weights};
+use super::patch::{Patch, Source, Weights};
 use super::sampling::Surface;
 use super::sampling::chords::Chords;
 use super::sampling::metrics::Metrics;
@@ -158,20 +158,6 @@ impl<'a> Run<'a> {
         });
     }
 
-    /// Calls `f(worker, block)` for all active blocks of a level, block colour by block colour; `next` as in `each_of`.
-    pub(super) fn each_colour(
-        &self,
-        level: usize,
-        backwards: bool,
-        next: impl Fn(usize) + Sync,
-        f: impl Fn(&Worker, usize) + Sync,
-    ) {
-        for k in 0..4 {
-            let blocks = &self.work[level].colours[if backwards { 3 - k } else { k }];
-            self.each_of(blocks, &next, |worker, _, b| f(worker, b));
-        }
-    }
-
     /// Calls `f(worker, block, chart)` for all active blocks of a level; `next` as in `each_of`.
     pub(super) fn each_block(
         &self,
@@ -183,38 +169,43 @@ impl<'a> Run<'a> {
         self.each_of(&self.work[level].active, next, |worker, _, b| f(worker, b, list[b].chart as usize));
     }
 
-    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks.
-    pub(super) fn sum_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
-        let list = &self.grid.levels[level].blocks.list;
-        let mut sums = zeroed(self.charts.len());
-        for (x, &b) in values.iter().zip(&self.work[level].active) {
-            sums[list[b as usize].chart as usize] += x;
+    /// Sums `f(worker, block)` over the active blocks of a level chart by chart, in the order of the blocks; `next` as
+    /// in `each_of`.
+    pub(super) fn sum_blocks<T: Copy + Default + AddAssign + Send + Sync>(
+        &self,
+        level: usize,
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize) -> T + Sync,
+    ) -> Vec<T> {
+        let (blocks, list) = (&self.work[level].active, &self.grid.levels[level].blocks.list);
+        let mut values = vec![T::default(); blocks.len()];
+        let shared = SharedSlice::new(&mut values);
+        self.each_of(blocks, next, |worker, k, b| {
+            // SAFETY: each item has its own value.
+            unsafe { *shared.get_mut(k) = f(worker, b) };
+        });
+        let mut sums = vec![T::default(); self.charts.len()];
+        for (value, &b) in values.into_iter().zip(blocks) {
+            sums[list[b as usize].chart as usize] += value;
         }
         sums
     }
 
-    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
-    /// value for each stored block.
-    pub(super) fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
-        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collect();
-        self.sum_per_chart(level, &active)
+    /// The sources of the patch of block `b` of a level with this state and surface.
+    pub(super) fn source<S>(&self, level: usize, state: State, surface: S, b: usize) -> Source<'_, S> {
+        let (weights, anchor) = (&self.weights[level], self.anchor);
+        Source { level: &self.grid.levels[level], state, surface, weights, anchor, b }
     }
 
     /// Calls `f` with a level's state and with the level's surface: chords on level 0, metrics on the others.
     pub(super) fn with_surface<R>(&mut self, level: usize, f: impl SurfaceFn<R>) -> R {
-        let metric = std::mem::take(&mut self.memory.levels[level].metric);
-        let triangles = std::mem::take(&mut self.memory.triangles);
         let state = self.memory.levels[level].state();
-        let result = hold_back(|| {
-            if level == 0 {
-                f.call(self, state, Chords { grid: self.grid, triangles: &triangles })
-            } else {
-                f.call(self, state, Metrics { level: &self.grid.levels[level], metric: &metric })
-            }
-        });
-        self.memory.triangles = triangles;
-        self.memory.levels[level].metric = metric;
-        go_on(result)
+        let Run { grid, ref memory, .. } = *self;
+        if level == 0 {
+            f.call(self, state, Chords { grid, triangles: &memory.triangles })
+        } else {
+            f.call(self, state, Metrics { level: &grid.levels[level], metric: &memory.levels[level].metric })
+        }
     }
 }
 
@@ -262,5 +253,5 @@ impl Stages for Run<'_> {
 
 /// A function that is generic in the surface.
 pub(super) trait SurfaceFn<R> {
-    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> R;
+    fn call<S: Surface>(self, run: &Run, state: State, surface: S) -> R;
 }

@@ -2,15 +2,13 @@
 //! comes from the differences of the samples of a node's neighbours, so it depends continuously on the state; the
 //! derivatives of the surface itself jump at the edges of triangles, and those of metrics at the nodes.
 
-use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{SIDE, slot};
 use vrtm_core::grid::window::{Window, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::method::law::TANGENT_WEIGHT;
 
-use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, each};
-use super::patch::{NodeState, Patch};
+use super::patch::{NodeState, Patch, Source};
 use super::row::Row;
 use super::sampling::{Slopes, Surface};
 
@@ -47,13 +45,7 @@ impl Patch {
     /// # Safety
     /// Nothing writes the state meanwhile.
     #[inline(always)]
-    pub unsafe fn window_slopes<V: Lanes, S: Surface>(
-        &self,
-        level: &Level,
-        state: State,
-        surface: S,
-        slopes: &mut [Window; 6],
-    ) {
+    pub unsafe fn window_slopes<V: Lanes, S: Surface>(&self, source: &Source<S>, slopes: &mut [Window; 6]) {
         slopes.as_flattened_mut().fill(0.0);
         for row in Row::all() {
             let movable = self.movable_lanes::<V>(row);
@@ -75,7 +67,7 @@ impl Patch {
                 }
                 if count == LANES {
                     // SAFETY: promised by the caller.
-                    unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, slopes) };
+                    unsafe { self.halo_slopes::<V, S>(source, &places, slopes) };
                     count = 0;
                 }
             }
@@ -84,7 +76,7 @@ impl Patch {
             let first = places[0];
             places[count..].fill(first);
             // SAFETY: promised by the caller.
-            unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, slopes) };
+            unsafe { self.halo_slopes::<V, S>(source, &places, slopes) };
         }
     }
 
@@ -95,9 +87,7 @@ impl Patch {
     #[inline(always)]
     unsafe fn halo_slopes<V: Lanes, S: Surface>(
         &self,
-        level: &Level,
-        state: State,
-        surface: S,
+        source: &Source<S>,
         places: &[(usize, usize); LANES],
         slopes: &mut [Window; 6],
     ) {
@@ -116,7 +106,7 @@ impl Patch {
             }
             for (k, (di, dj)) in ENDS.into_iter().enumerate() {
                 // SAFETY: promised by the caller.
-                let (u, x, t) = unsafe { self.node::<S>(level, state, i as i64 + di, j as i64 + dj) };
+                let (u, x, t) = unsafe { self.node(source, i as i64 + di, j as i64 + dj) };
                 offset[k][0][lane] = (u[0] - own[0][lane]) + di as f32;
                 offset[k][1][lane] = (u[1] - own[1][lane]) + dj as f32;
                 for c in 0..3 {
@@ -130,7 +120,7 @@ impl Patch {
             value: each!([0, 1, 2], |c| V::from_array(value[k][c])),
             triangle: V::index_from_array(triangle[k]),
         });
-        let tangents = surface.tangents_row::<V>(&own_triangle);
+        let tangents = source.surface.tangents_row::<V>(&own_triangle);
         let found = from_ends::<V, S>(&tangents, V::index_from_array(own_triangle), &ends);
         for c in 0..6 {
             let x = found[c].to_array();
@@ -146,14 +136,9 @@ impl Patch {
     /// # Safety
     /// Nothing writes the state meanwhile.
     #[inline(always)]
-    unsafe fn node<S: Surface>(
-        &self,
-        level: &Level,
-        state: State,
-        i: i64,
-        j: i64,
-    ) -> ([f32; 2], [f32; 3], u32) {
+    unsafe fn node<S: Surface>(&self, source: &Source<S>, i: i64, j: i64) -> ([f32; 2], [f32; 3], u32) {
         const LAST: i64 = SIDE as i64 + 1;
+        let &Source { level, state, .. } = source;
         if (0..=LAST).contains(&i) && (0..=LAST).contains(&j) {
             let at = place(i as usize, j as usize);
             return (
@@ -163,7 +148,7 @@ impl Patch {
             );
         }
         let (x, y) = ((i + SIDE as i64 - 1) as usize, (j + SIDE as i64 - 1) as usize);
-        match level.blocks.neighbours[self.block][y / SIDE * 3 + x / SIDE] {
+        match level.blocks.neighbours[source.b][y / SIDE * 3 + x / SIDE] {
             NONE => ([0.0; 2], [0.0; 3], NONE),
             b => {
                 let (b, s) = (b as usize, slot(x % SIDE, y % SIDE));

@@ -29,6 +29,20 @@ pub fn load<'a, T: Copy + 'a>(
     copy(neighbours.map(|b| (b != NONE).then(|| plane(b as usize))), default, window);
 }
 
+/// The windows of several planes of a block, 0 in the halo where a neighbour block is not stored; `plane(b, c)` is
+/// plane `c` of block `b`.
+#[inline(always)]
+pub fn planes<'a, const N: usize>(
+    neighbours: &[u32; 9],
+    plane: impl Fn(usize, usize) -> &'a Plane,
+) -> [Window; N] {
+    let mut windows = [[0.0; WINDOW_NODES]; N];
+    for (c, window) in windows.iter_mut().enumerate() {
+        load(neighbours, 0.0, |b| plane(b, c), window);
+    }
+    windows
+}
+
 /// One function for each type: inlined into each kernel, it would take a large part of the time that kernels take to
 /// compile.
 #[inline(never)]

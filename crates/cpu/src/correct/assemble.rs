@@ -6,14 +6,13 @@
 use super::super::buffers::State;
 use super::super::energy::Total;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
+use super::super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Source, Weights};
 use super::super::row::Row;
 use super::super::run::{Run, SurfaceFn};
 use super::super::sampling::{GradientTerms, Slopes, Surface};
 use super::super::terms::{Edge, Visitor, least_jacobian, pull_stiffness};
 use super::rows::{Rows, Words, encode};
-use vrtm_core::allocation::{Vec, zeroed};
-use vrtm_core::grid::Level;
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::Window;
 use vrtm_core::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
@@ -28,16 +27,12 @@ pub struct Assemble<'a> {
 }
 
 impl SurfaceFn<Vec<f64>> for Assemble<'_> {
-    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> Vec<f64> {
-        let level = &run.grid.levels[self.level];
-        let blocks = &run.work[self.level].active;
-        let mut sums = zeroed::<f64>(blocks.len());
-        let shared = SharedSlice::new(&mut sums);
+    fn call<S: Surface>(self, run: &Run, state: State, surface: S) -> Vec<f64> {
         let Rows { diagonal, words, .. } = self.rows;
         let (row_sums, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));
         let right_hand_sides = SharedSlice::new(self.residual);
-        let next = |b| Patch::prefetch_next(level, state, b);
-        run.each_of(blocks, next, |worker, k, b| {
+        let next = |b| Patch::prefetch_next(&run.grid.levels[self.level], state, b);
+        run.sum_blocks(self.level, next, |worker, b| {
             // SAFETY: each item has its own rows.
             let out = unsafe {
                 Out {
@@ -46,17 +41,11 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
                     right_hand_side: right_hand_sides.get_mut(b),
                 }
             };
-            let weights = &run.weights[self.level];
-            let sum = run.patches.with(worker, |patch| {
-                run.slopes.with(worker, |slopes| {
-                    let anchor = run.anchor;
-                    dispatch(AssembleBlock { patch, slopes, level, state, surface, weights, anchor, b, out })
-                })
-            });
-            // SAFETY: each item has its own sum.
-            unsafe { *shared.get_mut(k) = sum };
-        });
-        run.sum_per_chart(self.level, &sums)
+            let source = run.source(self.level, state, surface, b);
+            run.patches.with(worker, |patch| {
+                run.slopes.with(worker, |slopes| dispatch(AssembleBlock { patch, slopes, source, out }))
+            })
+        })
     }
 }
 
@@ -66,12 +55,7 @@ struct AssembleBlock<'a, S> {
     patch: &'a mut Patch,
     /// Scratch memory, which is too large for the stack of a host's thread.
     slopes: &'a mut [Window; 6],
-    level: &'a Level,
-    state: State,
-    surface: S,
-    weights: &'a Weights,
-    anchor: &'a [[Plane; 2]],
-    b: usize,
+    source: Source<'a, S>,
     out: Out<'a>,
 }
 
@@ -88,14 +72,14 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let AssembleBlock { patch, slopes, level, state, surface, weights, anchor, b, mut out } = self;
+        let AssembleBlock { patch, slopes, source, mut out } = self;
         // SAFETY: nothing writes the state.
-        unsafe { patch.load::<V, S>(level, state, surface, weights, anchor, b) };
+        unsafe { patch.load::<V, S>(&source) };
         // SAFETY: nothing writes the state.
-        unsafe { patch.window_slopes::<V, S>(level, state, surface, slopes) };
+        unsafe { patch.window_slopes::<V, S>(&source, slopes) };
         let mut total = Total::new();
         for row in Row::all() {
-            block_row::<V, S>(patch, weights, slopes, row, &mut out, &mut total);
+            block_row::<V, S>(patch, source.weights, slopes, row, &mut out, &mut total);
         }
         total.energy()
     }

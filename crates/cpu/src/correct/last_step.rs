@@ -1,5 +1,7 @@
 //! The step of the correction before, as a third direction of conjugate gradients (method §7.3).
 
+use glam::DVec4;
+
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
 use super::super::prefetch::nothing;
 use super::super::row::Row;
@@ -7,7 +9,7 @@ use super::super::run::Run;
 use super::multigrid;
 use super::rows::{BlockRows, Pairs};
 use super::workspace::{Solving, SolvingLevel};
-use vrtm_core::allocation::{Vec, zeroed};
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::codes::unpack_bfloat16;
 use vrtm_core::grid::planes::{NODES, Plane};
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
@@ -45,31 +47,18 @@ impl Run<'_> {
     ) {
         let SolvingLevel { rows, residual, direction, .. } = &solving.levels[0];
         let grid = &self.grid.levels[level];
-        let mut of_blocks = zeroed::<[f64; 4]>(grid.blocks.list.len());
-        let (sums, step) = (SharedSlice::new(&mut of_blocks), &*solving.step);
-        self.each_block(
-            level,
-            |b| rows.prefetch_next(b),
-            |worker, b, _| {
-                let mut words = [0; WINDOW_NODES];
-                window::load(&grid.blocks.neighbours[b], 0, |b| &last_step[b], &mut words);
-                let (rows, words) = (rows.block(b), &words);
-                let vectors = [&step[b], &direction[b]];
-                let of_block = self.pairs.with(worker, |pairs| {
-                    dispatch(Products { rows, pairs, words, vectors, residual: &residual[b] })
-                });
-                // SAFETY: each item has its own sums.
-                unsafe { *sums.get_mut(b) = of_block.map(f64::from) };
-            },
-        );
-        let of_chart = |n: usize| {
-            let quantity: Vec<f64> = of_blocks.iter().map(|sums| sums[n]).collect();
-            self.sum_active_per_chart(level, &quantity)
-        };
-        let products = [of_chart(0), of_chart(1), of_chart(2), of_chart(3)];
+        let next = |b: usize| rows.prefetch_next(b);
+        let products = self.sum_blocks(level, next, |worker, b| {
+            let mut words = [0; WINDOW_NODES];
+            window::load(&grid.blocks.neighbours[b], 0, |b| &last_step[b], &mut words);
+            let (rows, words) = (rows.block(b), &words);
+            let (vectors, residual) = ([&solving.step[b], &direction[b]], &residual[b]);
+            let products = |pairs: &mut _| dispatch(Products { rows, pairs, words, vectors, residual });
+            DVec4::from(self.pairs.with(worker, products).map(f64::from))
+        });
         let factors: Vec<Factors> = (0..predicted.len())
             .map(|c| {
-                let (factors, gain) = combined(products.each_ref().map(|of| of[c]), directions, c);
+                let (factors, gain) = combined(products[c].to_array(), directions, c);
                 predicted[c] += gain;
                 factors
             })

@@ -11,8 +11,7 @@ use super::super::run::Run;
 use super::rows::{BlockRows, Pairs, Rows};
 use super::transfer::{active_neighbours, add_coarse, restrict};
 use super::workspace::SolvingLevel;
-use vrtm_core::allocation::{Vec, zeroed};
-use vrtm_core::grid::Level;
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::planes::{NODES, Plane};
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
 use vrtm_core::method::law::{COARSEST_SWEEPS, SMOOTHER_SWEEPS};
@@ -22,35 +21,33 @@ use vrtm_core::team::SharedSlice;
 /// residual and direction per chart. The residual of `level` is not changed.
 pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec<f64> {
     let coarsest = level + levels.len() - 1;
-    let mut dots = zeroed::<f64>(run.grid.levels[level].blocks.list.len());
     let sweeps = Sweeps { count: SMOOTHER_SWEEPS, backwards: false };
     for k in level..coarsest {
         let system = &mut levels[k - level];
         let SolvingLevel { rows, residual: r, direction, .. } = system;
-        smooth(run, k, rows, r, None::<&[[Plane; 2]]>, direction, sweeps, None);
-        residual(run, k, system);
+        smooth(run, k, rows, r, None::<&[[Plane; 2]]>, direction, sweeps, false);
+        multiply(run, k, rows, direction, Some(r), system.product);
         let (finer, coarser) = levels.split_at_mut(k - level + 1);
         restrict(run, k, finer[k - level].product, coarser[0].residual);
     }
-    let dots_of = |k: usize| k == level;
-    smooth_coarsest(run, coarsest, &mut levels[coarsest - level], dots_of(coarsest).then_some(&mut dots));
+    let mut dots = smooth_coarsest(run, coarsest, &mut levels[coarsest - level], coarsest == level);
     for k in (level..coarsest).rev() {
         let (finer, coarser) = levels.split_at_mut(k - level + 1);
         let SolvingLevel { rows, residual: r, direction, product } = &mut finer[k - level];
         add_coarse(run, k, direction, coarser[0].direction, product);
         let sweeps = Sweeps { backwards: true, ..sweeps };
-        smooth(run, k, rows, r, Some(product), direction, sweeps, dots_of(k).then_some(&mut dots));
+        dots = smooth(run, k, rows, r, Some(product), direction, sweeps, k == level);
     }
-    run.sum_active_per_chart(level, &dots)
+    dots
 }
 
 /// Approximately solves the coarsest level: a pass forwards, from 0, and one backwards, with more sweeps than
-/// elsewhere.
-fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, dots: Option<&mut Vec<f64>>) {
+/// elsewhere. Returns what `smooth` does.
+fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, dot: bool) -> Vec<f64> {
     let SolvingLevel { rows, residual: r, direction, product } = system;
     let sweeps = Sweeps { count: COARSEST_SWEEPS, backwards: false };
-    smooth(run, level, rows, r, None::<&[[Plane; 2]]>, product, sweeps, None);
-    smooth(run, level, rows, r, Some(&**product), direction, Sweeps { backwards: true, ..sweeps }, dots);
+    smooth(run, level, rows, r, None::<&[[Plane; 2]]>, product, sweeps, false);
+    smooth(run, level, rows, r, Some(&**product), direction, Sweeps { backwards: true, ..sweeps }, dot)
 }
 
 /// The sweeps of a pass, in this order of the node colours or the other.
@@ -61,8 +58,8 @@ struct Sweeps {
 }
 
 /// A pass of the smoother of A z = r over all blocks, from `before` (`None`: from 0) to the first two planes of
-/// `after`: all sweeps of a block are done while it is in the cache, with its halo frozen at `before`. Stores each
-/// block's part of r·z in `dots`, if given.
+/// `after`: all sweeps of a block are done while it is in the cache, with its halo frozen at `before`. Returns r·z per
+/// chart, or 0 without `dot`.
 #[expect(
     clippy::too_many_arguments,
     reason = "the vectors of a level, which lie in memory of several shapes"
@@ -75,11 +72,10 @@ fn smooth<const N: usize, const M: usize>(
     before: Option<&[[Plane; N]]>,
     after: &mut [[Plane; M]],
     sweeps: Sweeps,
-    dots: Option<&mut Vec<f64>>,
-) {
+    dot: bool,
+) -> Vec<f64> {
     let grid = &run.grid.levels[level];
     let after = SharedSlice::new(after);
-    let dots = dots.map(|dots| SharedSlice::new(dots));
     let next = |b: usize| {
         rows.prefetch_next(b);
         prefetch_next(&r[b]);
@@ -87,26 +83,18 @@ fn smooth<const N: usize, const M: usize>(
             prefetch_next(&before[b]);
         }
     };
-    run.each_block(level, next, |worker, b, _| {
-        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        if let Some(before) = before {
+    run.sum_blocks(level, next, |worker, b| {
+        let mut windows = match before {
+            None => [[0.0; WINDOW_NODES]; 2],
             // A block without movable nodes has no z; its memory may hold other quantities.
-            let neighbours = active_neighbours(grid, b);
-            for (c, window) in windows.iter_mut().enumerate() {
-                window::load(&neighbours, 0.0, |b| &before[b][c], window);
-            }
-        }
-        let (rows, r) = (rows.block(b), &r[b]);
+            Some(before) => window::planes(&active_neighbours(grid, b), |b, c| &before[b][c]),
+        };
+        let (rows, r, windows) = (rows.block(b), &r[b], &mut windows);
         // SAFETY: each item has its own block.
         let z = unsafe { after.get_mut(b) };
-        let (dot, windows) = (dots.is_some(), &mut windows);
-        let dot =
-            run.pairs.with(worker, |pairs| dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, dot, z }));
-        if let Some(dots) = dots {
-            // SAFETY: each item has its own sum.
-            unsafe { *dots.get_mut(b) = f64::from(dot) };
-        }
-    });
+        let smooth = |pairs: &mut _| dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, dot, z });
+        f64::from(run.pairs.with(worker, smooth))
+    })
 }
 
 /// Does sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the
@@ -137,14 +125,6 @@ impl Vectorised for SmoothBlock<'_> {
             }
         }
         if self.dot { dot::<V>(self.r, self.z) } else { 0.0 }
-    }
-}
-
-/// Gathers a pair of planes of block `b` with its halo.
-#[inline(always)]
-fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, windows: &mut [Window; 2]) {
-    for (c, window) in windows.iter_mut().enumerate() {
-        window::load(&level.blocks.neighbours[b], 0.0, |b| plane(b, c), window);
     }
 }
 
@@ -194,57 +174,42 @@ pub fn product<V: Lanes>(diagonal: &[Plane; 3], pairs: &Pairs, row: Row, z: &[Wi
     [ax + xx * x + xy * y, ay + xy * x + yy * y]
 }
 
-/// Sets the first two planes of `out` to A v; returns the dot product of v and A v per chart.
-pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mut [[Plane; 3]]) -> Vec<f64> {
-    let grid = &run.grid.levels[level];
+/// Sets the first two planes of `out` to A v, and returns the dot product of v and A v per chart; or to r - A v, given
+/// `r`.
+pub fn multiply(
+    run: &Run,
+    level: usize,
+    rows: &Rows,
+    v: &[[Plane; 2]],
+    r: Option<&[[Plane; 2]]>,
+    out: &mut [[Plane; 3]],
+) -> Vec<f64> {
+    let neighbours = &run.grid.levels[level].blocks.neighbours;
     let out = SharedSlice::new(out);
-    let mut dots = zeroed::<f64>(grid.blocks.list.len());
-    let shared = SharedSlice::new(&mut dots);
     let next = |b: usize| {
         rows.prefetch_next(b);
         prefetch_next(&v[b]);
-    };
-    run.each_block(level, next, |worker, b, _| {
-        let rows = rows.block(b);
-        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        load(grid, b, |b, c| &v[b][c], &mut windows);
-        // SAFETY: each item has its own block and sum.
-        unsafe {
-            let (v, out, windows) = (&v[b], out.get_mut(b), &windows);
-            let dot = run.pairs.with(worker, |pairs| dispatch(BlockProduct { rows, pairs, windows, v, out }));
-            *shared.get_mut(b) = f64::from(dot);
+        if let Some(r) = r {
+            prefetch_next(&r[b]);
         }
-    });
-    run.sum_active_per_chart(level, &dots)
-}
-
-/// Sets the product to residual - A direction.
-fn residual(run: &Run, level: usize, system: &mut SolvingLevel) {
-    let grid = &run.grid.levels[level];
-    let out = SharedSlice::new(system.product);
-    let (rows, z, r) = (&*system.rows, &*system.direction, &*system.residual);
-    let next = |b: usize| {
-        rows.prefetch_next(b);
-        prefetch_next(&z[b]);
-        prefetch_next(&r[b]);
     };
-    run.each_block(level, next, |worker, b, _| {
-        let rows = rows.block(b);
-        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        load(grid, b, |b, c| &z[b][c], &mut windows);
+    run.sum_blocks(level, next, |worker, b| {
+        let windows = &window::planes(&neighbours[b], |b, c| &v[b][c]);
+        let (rows, v, r) = (rows.block(b), &v[b], r.map(|r| &r[b]));
         // SAFETY: each item has its own block.
         let out = unsafe { out.get_mut(b) };
-        let (windows, r) = (&windows, &r[b]);
-        run.pairs.with(worker, |pairs| dispatch(BlockResidual { rows, pairs, windows, r, out }));
-    });
+        let multiply = |pairs: &mut _| dispatch(BlockProduct { rows, pairs, windows, v, r, out });
+        f64::from(run.pairs.with(worker, multiply))
+    })
 }
 
-/// Computes A v for one block; returns the block's part of the dot product of v and A v.
+/// Computes A v for one block, and returns the block's part of the dot product of v and A v; or r - A v, given `r`.
 struct BlockProduct<'a> {
     rows: BlockRows<'a>,
     pairs: &'a mut Pairs,
     windows: &'a [Window; 2],
     v: &'a [Plane; 2],
+    r: Option<&'a [Plane; 2]>,
     out: &'a mut [Plane; 3],
 }
 
@@ -257,34 +222,14 @@ impl Vectorised for BlockProduct<'_> {
         for row in Row::all() {
             let product = product::<V>(self.rows.diagonal, self.pairs, row, self.windows);
             for c in 0..2 {
-                row.store(&mut self.out[c], product[c]);
+                let stored = match self.r {
+                    Some(r) => row.load::<V>(&r[c]) - product[c],
+                    None => product[c],
+                };
+                row.store(&mut self.out[c], stored);
             }
         }
-        dot::<V>(self.v, &*self.out)
-    }
-}
-
-/// Computes r - A v for one block.
-struct BlockResidual<'a> {
-    rows: BlockRows<'a>,
-    pairs: &'a mut Pairs,
-    windows: &'a [Window; 2],
-    r: &'a [Plane; 2],
-    out: &'a mut [Plane; 3],
-}
-
-impl Vectorised for BlockResidual<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        self.rows.pairs::<V>(self.pairs);
-        for row in Row::all() {
-            let product = product::<V>(self.rows.diagonal, self.pairs, row, self.windows);
-            for c in 0..2 {
-                row.store(&mut self.out[c], row.load::<V>(&self.r[c]) - product[c]);
-            }
-        }
+        if self.r.is_some() { 0.0 } else { dot::<V>(self.v, &*self.out) }
     }
 }
 

@@ -105,8 +105,8 @@ fn multipliers_are_in_energy_gradient_and_matrix_alike() {
                 };
                 let (at, along) = (planes(if strained { 0.05 } else { 0.0 }), planes(1.0));
                 let energy = |run: &mut Run, t: f32| {
-                    let active = run.work[level].active.clone();
-                    run.move_and_resample(level, &active, Resampling::Nearest, |b, u| {
+                    let (state, active) = (run.memory.levels[level].state(), &run.work[level].active);
+                    run.move_and_resample(level, state, active, Resampling::Nearest, |b, u| {
                         for (u, (at, along)) in u.iter_mut().zip(at[b].iter().zip(&along[b])) {
                             *u = std::array::from_fn(|s| at[s] + t * along[s]);
                         }

@@ -125,16 +125,22 @@ impl Chords<'_> {
     fn locate(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<u32> {
         self.walk(i, j, u, start).or_else(|| {
             // The walk ended at a border or took too many steps: walk again from the node nearest to W(p).
-            let (x, y) = (i + u[0].round() as i64, j + u[1].round() as i64);
-            let block = self.grid.levels[0].blocks.holding(b, x, y);
-            let nearest = match block {
-                NONE => return None,
-                block => self.grid.triangle[block as usize][slot(x as usize % SIDE, y as usize % SIDE)],
-            };
-            let chart = self.grid.levels[0].blocks.list[b].chart;
-            let usable = nearest != NONE && nearest != start && self.grid.chart_of[nearest as usize] == chart;
-            usable.then(|| self.walk(i, j, u, nearest)).flatten()
+            let nearest = self.nearest(b, i, j, u).filter(|&nearest| nearest != start)?;
+            self.walk(i, j, u, nearest)
         })
+    }
+
+    /// The rest triangle of the node nearest to node (i, j) + u, if it lies in the chart of block `b`.
+    #[inline(always)]
+    pub fn nearest(&self, b: usize, i: i64, j: i64, u: [f32; 2]) -> Option<u32> {
+        let blocks = &self.grid.levels[0].blocks;
+        let (x, y) = (i + u[0].round() as i64, j + u[1].round() as i64);
+        let triangle = match blocks.holding(b, x, y) {
+            NONE => NONE,
+            near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
+        };
+        let is_usable = triangle != NONE && self.grid.chart_of[triangle as usize] == blocks.list[b].chart;
+        is_usable.then_some(triangle)
     }
 
     /// Walks from triangle `t` to the one under node (i, j) + u. `None` if the walk ends at a border or after

@@ -1,9 +1,8 @@
 //! Resampling: computes the samples of all nodes of some blocks after their displacements were changed other than by
 //! relaxation (method §2 and §3).
 
-use vrtm_core::grid::planes::{Plane, SIDE, slot};
+use vrtm_core::grid::planes::Plane;
 use vrtm_core::mesh::NONE;
-use vrtm_core::unwind::{go_on, hold_back};
 
 use super::super::buffers::State;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
@@ -25,43 +24,37 @@ pub enum Start {
 }
 
 impl Run<'_> {
-    /// Resamples the given blocks of a level.
-    pub fn resample(&mut self, level: usize, blocks: &[u32], start: Start) {
-        self.move_and_resample(level, blocks, start, |_, _| {});
+    /// Resamples the given blocks of a level, whose state is `state`.
+    pub fn resample(&self, level: usize, state: State, blocks: &[u32], start: Start) {
+        self.move_and_resample(level, state, blocks, start, |_, _| {});
     }
 
     /// Sets the displacements of the given blocks of a level by `set(block, displacements)`, and resamples the blocks.
+    /// `state` is the level's.
     pub fn move_and_resample(
-        &mut self,
+        &self,
         level: usize,
+        state: State,
         blocks: &[u32],
         start: Start,
         set: impl Fn(usize, &mut [Plane; 2]) + Sync,
     ) {
         let grid = self.grid;
-        let (finest, coarser) = self.memory.levels.split_at_mut(1);
-        let buffers = if level == 0 { &mut finest[0] } else { &mut coarser[level - 1] };
-        let metric = std::mem::take(&mut buffers.metric);
-        let state = buffers.state();
         let chords = Chords { grid, triangles: &self.memory.triangles };
-        let metrics = Metrics { level: &grid.levels[level], metric: &metric };
-        let resampled = hold_back(|| {
-            self.each_of(
-                blocks,
-                |b| state.prefetch_next(b),
-                |_, _, b| {
-                    // SAFETY: each item has its own block.
-                    set(b, unsafe { state.u.get_mut(b) });
-                    if level == 0 {
-                        dispatch(ResampleChords { surface: chords, state, b, start });
-                    } else {
-                        dispatch(ResampleMetrics { surface: metrics, state, b, start });
-                    }
-                },
-            );
-        });
-        self.memory.levels[level].metric = metric;
-        go_on(resampled);
+        let metrics = Metrics { level: &grid.levels[level], metric: &self.memory.levels[level].metric };
+        self.each_of(
+            blocks,
+            |b| state.prefetch_next(b),
+            |_, _, b| {
+                // SAFETY: each item has its own block.
+                set(b, unsafe { state.u.get_mut(b) });
+                if level == 0 {
+                    dispatch(ResampleChords { surface: chords, state, b, start });
+                } else {
+                    dispatch(ResampleMetrics { surface: metrics, state, b, start });
+                }
+            },
+        );
     }
 }
 
@@ -109,8 +102,8 @@ impl Vectorised for ResampleChords<'_> {
             if start == Start::Nearest {
                 let (x, y) = (displacement[0].to_array(), displacement[1].to_array());
                 for k in 0..LANES {
-                    start_triangles[k] =
-                        surface.nearest(&nodes, k, [x[k], y[k]]).unwrap_or(rest_triangles[s + k]);
+                    let nearest = surface.nearest(b, nodes.column(k), nodes.j, [x[k], y[k]]);
+                    start_triangles[k] = nearest.unwrap_or(rest_triangles[s + k]);
                 }
             }
             let mut samples = Samples {
@@ -131,21 +124,6 @@ impl Vectorised for ResampleChords<'_> {
             }
             V::store_index(V::select_index(lanes, samples.triangle, V::load_index(triangle, s)), triangle, s);
         }
-    }
-}
-
-impl Chords<'_> {
-    /// The rest triangle of the node nearest to W(p), if it lies in the same chart.
-    #[inline(always)]
-    fn nearest(&self, nodes: &GridRow, lane: usize, u: [f32; 2]) -> Option<u32> {
-        let level = &self.grid.levels[0];
-        let (x, y) = (nodes.column(lane) + u[0].round() as i64, nodes.j + u[1].round() as i64);
-        let triangle = match level.blocks.holding(nodes.block, x, y) {
-            NONE => NONE,
-            near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
-        };
-        let chart = level.blocks.list[nodes.block].chart;
-        (triangle != NONE && self.grid.chart_of[triangle as usize] == chart).then_some(triangle)
     }
 }
 
