@@ -1,32 +1,20 @@
-//! Allocation of a solver's memory. Structures are constructed with an [`Allocate`], which either allocates their
-//! arrays or counts their bytes. Both use the same code, so the count is exact.
+//! Allocation of a solver's memory. Structures are constructed with an [`Allocator`], which either allocates their
+//! arrays or only counts their bytes. Both use the same code, so the count is exact.
 
 use vrtm_core::allocation::{Plain, Vec, zeroed};
 
 /// Provides the arrays of a structure.
-pub trait Allocate {
-    /// An array of `count` zeros.
-    fn zeros<T: Plain>(&mut self, count: usize) -> Vec<T>;
-}
-
-/// Allocates the arrays on the heap.
-pub struct Heap;
-
-impl Allocate for Heap {
-    fn zeros<T: Plain>(&mut self, count: usize) -> Vec<T> {
-        zeroed(count)
-    }
-}
-
-/// Counts the bytes of the arrays, and returns empty ones.
 #[derive(Default)]
-pub struct Count {
+pub struct Allocator {
+    /// True to count the bytes alone: all arrays are empty.
+    pub only_counts: bool,
     pub bytes: u64,
 }
 
-impl Allocate for Count {
-    fn zeros<T: Plain>(&mut self, count: usize) -> Vec<T> {
+impl Allocator {
+    /// An array of `count` zeros.
+    pub fn zeros<T: Plain>(&mut self, count: usize) -> Vec<T> {
         self.bytes += count as u64 * size_of::<T>() as u64;
-        Vec::new()
+        zeroed(if self.only_counts { 0 } else { count })
     }
 }

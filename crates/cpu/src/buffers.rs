@@ -4,7 +4,7 @@ use vrtm_core::allocation::Vec;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::team::SharedSlice;
 
-use super::allocate::Allocate;
+use super::allocate::Allocator;
 use super::prefetch::prefetch_next;
 
 /// The state of one level, and its pose metrics.
@@ -25,7 +25,7 @@ pub struct Buffers {
 
 impl Buffers {
     /// Allocates the state of `blocks` blocks, without pose metrics and multipliers.
-    pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
+    pub fn new(allocator: &mut Allocator, blocks: usize, finest: bool) -> Buffers {
         Buffers {
             u: allocator.zeros(blocks),
             value: allocator.zeros(blocks),

@@ -5,7 +5,7 @@
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::window::{self, Window, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::method::plan::ChartResult;
 
@@ -138,10 +138,7 @@ fn cross(o: [f64; 2], p: [f64; 2], q: [f64; 2]) -> f64 {
 /// Computes the certificate of an active block: of the block's cells, and of the adjacent cells of inactive blocks.
 /// Cells that are adjacent to no active block are at rest, with J = 1.
 pub fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
-    let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-    for (c, window) in windows.iter_mut().enumerate() {
-        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
-    }
+    let windows = window::planes(&level.blocks.neighbours[b], |b, c| &u[b][c]);
     let mut certificate = dispatch(Bounds { u: &u[b], windows: &windows });
     if certificate.folds > 0 {
         (certificate.min_jacobian, certificate.folds) = (1.0, 0);
@@ -240,6 +237,7 @@ fn count_folds(level: &Level, windows: &[Window; 2], b: usize, certificate: &mut
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vrtm_core::grid::window::WINDOW_NODES;
 
     /// Vectors find what the corners tell one by one, with numbers that are not numbers, too.
     #[test]

@@ -13,7 +13,7 @@ use vrtm_core::method::law::CRUSHED_JACOBIAN;
 impl Run<'_> {
     /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0
     /// for charts that are not solved.
-    pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
+    pub fn energies(&mut self, level: usize) -> Vec<f64> {
         self.with_surface(level, Energies::of_state(level, self.weights[level].without_pull()))
     }
 

@@ -104,16 +104,11 @@ fn of_block(
     mut add: impl FnMut(usize, f32),
 ) {
     let neighbours = &level.blocks.neighbours[b];
-    let mut value: [Window; 3] = [[0.0; WINDOW_NODES]; 3];
-    for (c, window) in value.iter_mut().enumerate() {
-        window::load(neighbours, 0.0, |b| &values[b][c], window);
-    }
-    let mut moved: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
-    if let Some(u) = u {
-        for (c, window) in moved.iter_mut().enumerate() {
-            window::load(neighbours, 0.0, |b| &u[b][c], window);
-        }
-    }
+    let value: [Window; 3] = window::planes(neighbours, |b, c| &values[b][c]);
+    let moved: [Window; 2] = match u {
+        Some(u) => window::planes(neighbours, |b, c| &u[b][c]),
+        None => [[0.0; WINDOW_NODES]; 2],
+    };
     let chart = level.blocks.list[b].chart as usize;
     for (s, &tag) in pieces.tags[b].iter().enumerate().filter(|(_, tag)| **tag > 0xff) {
         let (i, j) = node_at(s);

@@ -7,44 +7,16 @@ mod point;
 
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::row::Row;
-use batch::{BATCH, Batch, Candidate};
+use batch::{BATCH, Batch};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{Plane, SIDE, slot};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::window::{self, Window, place};
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::Team;
 
+pub use batch::Inverse;
 pub use point::point;
-
-/// W⁻¹ at a texel centre.
-pub struct Inverse<'a> {
-    /// The chart whose warp it is.
-    pub chart: u32,
-    batch: &'a Batch,
-    n: usize,
-    triangle: usize,
-}
-
-impl Inverse<'_> {
-    /// The point, in cells.
-    #[inline(always)]
-    pub fn point(&self) -> [f64; 2] {
-        self.batch.point(self.n)
-    }
-
-    /// True if the point's cell is not wholly in the chart itself.
-    #[inline(always)]
-    pub fn is_beyond(&self) -> bool {
-        self.batch.is_beyond(self.n)
-    }
-
-    /// The derivatives of W⁻¹ in the point's triangle, in cells per texel: a row for each component of W⁻¹.
-    #[inline(always)]
-    pub fn jacobian(&self) -> [[f64; 2]; 2] {
-        self.batch.jacobian(self.n, self.triangle)
-    }
-}
 
 /// Blocks per work item.
 const CHUNK: usize = 8;
@@ -91,7 +63,6 @@ impl<F: Fn(usize, usize, Inverse)> Vectorised for Texels<'_, F> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let mut batch = Batch::new();
-        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         for b in self.blocks.clone() {
             let level = &self.grid.levels[0];
             let block = &level.blocks.list[b];
@@ -99,13 +70,7 @@ impl<F: Fn(usize, usize, Inverse)> Vectorised for Texels<'_, F> {
             if (0..2).any(|axis| self.misses(axis, first[axis])) {
                 continue;
             }
-            for (c, window) in windows.iter_mut().enumerate() {
-                window::load(&level.blocks.neighbours[b], 0.0, |b| &self.u[b][c], window);
-            }
-            let put = |batch: &Batch, n: usize, triangle: usize| {
-                let [x, y] = batch.texel(n);
-                (self.put)(x, y, Inverse { chart: block.chart, batch, n, triangle });
-            };
+            let windows = window::planes(&level.blocks.neighbours[b], |b, c| &self.u[b][c]);
             let boxes = Boxes::new(first, self.scale, self.reach as f32, self.part);
             for row in Row::all() {
                 let (mut cells, columns, rows) = boxes.of_row::<V>(&windows, row);
@@ -121,14 +86,14 @@ impl<F: Fn(usize, usize, Inverse)> Vectorised for Texels<'_, F> {
                     for y in boxes.range(1, rows, k) {
                         for x in boxes.range(0, columns, k) {
                             if batch.len == BATCH {
-                                batch.flush(put);
+                                batch.flush(block.chart, self.put);
                             }
-                            batch.push(&Candidate { texel: [x, y], node, corners, is_beyond });
+                            batch.push([x, y], node, &corners, is_beyond);
                         }
                     }
                 }
             }
-            batch.flush(put);
+            batch.flush(block.chart, self.put);
         }
     }
 }

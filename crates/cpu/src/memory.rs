@@ -9,7 +9,7 @@ use vrtm_core::grid::planes::Plane;
 use vrtm_core::method::plan::Purpose;
 use vrtm_core::settings::Solver;
 
-use super::allocate::{Allocate, Count, Heap};
+use super::allocate::Allocator;
 use super::buffers::Buffers;
 use super::correct::workspace::Workspace;
 use super::sampling::record::TriangleRecord;
@@ -25,7 +25,7 @@ pub(super) struct PbdBuffers {
 
 impl PbdBuffers {
     /// Allocates the buffers of all levels.
-    pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Vec<PbdBuffers> {
+    pub fn new(allocator: &mut Allocator, grid: &Grid) -> Vec<PbdBuffers> {
         let mut all = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
@@ -91,17 +91,18 @@ pub struct Memory {
 impl Memory {
     /// Allocates the memory for a grid.
     pub fn new(grid: &Arc<Grid>, purpose: Purpose) -> Memory {
-        Memory { blocks: Arc::downgrade(&grid.triangle), ..Memory::construct(&mut Heap, grid, purpose) }
+        let memory = Memory::construct(&mut Allocator::default(), grid, purpose);
+        Memory { blocks: Arc::downgrade(&grid.triangle), ..memory }
     }
 
     /// Number of bytes that `new` allocates for a grid.
     pub fn bytes_for(grid: &Grid, purpose: Purpose) -> u64 {
-        let mut count = Count::default();
-        Memory::construct(&mut count, grid, purpose);
-        count.bytes
+        let mut allocator = Allocator { only_counts: true, bytes: 0 };
+        Memory::construct(&mut allocator, grid, purpose);
+        allocator.bytes
     }
 
-    fn construct(allocator: &mut impl Allocate, grid: &Grid, purpose: Purpose) -> Memory {
+    fn construct(allocator: &mut Allocator, grid: &Grid, purpose: Purpose) -> Memory {
         let mut levels = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();

@@ -8,8 +8,6 @@ mod regularise;
 #[cfg(test)]
 mod tests;
 
-use std::sync::atomic::Ordering;
-
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::method::pbd::{Iteration, SETS};
 
@@ -19,7 +17,7 @@ use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
 use block::PassBlock;
 use project::Project;
-use regularise::{Regularise, Velocity};
+use regularise::Regularise;
 use vrtm_core::team::SharedSlice;
 
 impl Run<'_> {
@@ -34,20 +32,16 @@ impl Run<'_> {
             self.pass(level, Pass::Project(Project { set, iteration: *iteration, density }));
         }
         if iteration.regularise {
-            let velocity = Velocity { last: iteration.last, momentum: iteration.momentum };
-            let regularise = Regularise { smoothing: iteration.smoothing, velocity: Some(velocity) };
-            self.pass(level, Pass::Regularise(regularise));
+            let (smoothing, iteration) = (iteration.smoothing, Some(*iteration));
+            self.pass(level, Pass::Regularise(Regularise { smoothing, iteration }));
         }
-        let grid = &self.grid.levels[level];
-        let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
-        let nodes: u64 = self.work[level].active.iter().map(movable).sum();
-        self.node_updates.fetch_add(nodes, Ordering::Relaxed);
+        self.count_updates(level, 1);
     }
 
     /// Regularises a level (the paper's eq. 4 and 5) without integration and prediction.
     pub(super) fn regularise_level(&mut self, level: usize, smoothing: f32) {
         self.copy_inactive_blocks(level);
-        self.pass(level, Pass::Regularise(Regularise { smoothing, velocity: None }));
+        self.pass(level, Pass::Regularise(Regularise { smoothing, iteration: None }));
     }
 
     /// Sets the velocities of a level to 0.

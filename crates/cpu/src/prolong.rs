@@ -63,8 +63,14 @@ impl Run<'_> {
         self.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             // SAFETY: each item has its own block.
-            let out = unsafe { u.get_mut(b) };
-            interpolate_block(fine_level, coarse_level, |b, c| &coarse[b][c], b, out);
+            for (c, plane) in unsafe { u.get_mut(b) }.iter_mut().enumerate() {
+                match coarse_nodes(fine_level, coarse_level, |b| &coarse[b][c], b) {
+                    None => *plane = [0.0; NODES],
+                    Some(nodes) => {
+                        dispatch(Interpolate { nodes: &nodes, movable: &fine_level.movable[b], plane })
+                    }
+                }
+            }
         });
     }
 
@@ -111,24 +117,8 @@ pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a>(
     Some(nodes)
 }
 
-/// Interpolates displacements of the coarser level bilinearly to the finer block `b`, multiplied by 2 for the change of
-/// cell units; fixed nodes get 0. `coarse(b, c)` is plane c of coarse block `b`.
-pub fn interpolate_block<'a>(
-    finer: &Level,
-    coarser: &Level,
-    coarse: impl Fn(usize, usize) -> &'a Plane,
-    b: usize,
-    out: &mut [Plane; 2],
-) {
-    for (c, plane) in out.iter_mut().enumerate() {
-        match coarse_nodes(finer, coarser, |b| coarse(b, c), b) {
-            None => *plane = [0.0; NODES],
-            Some(nodes) => dispatch(Interpolate { nodes: &nodes, movable: &finer.movable[b], plane }),
-        }
-    }
-}
-
-/// Interpolates one component of the displacements of one block.
+/// Interpolates one component of the displacements of one block bilinearly, multiplied by 2 for the change of cell
+/// units; fixed nodes get 0.
 struct Interpolate<'a> {
     nodes: &'a CoarseNodes,
     movable: &'a Plane<u8>,

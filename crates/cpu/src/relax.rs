@@ -5,10 +5,7 @@
 //! colours in turn and with its halo frozen, so the bits do not depend on the order of the blocks. Gathering a block
 //! takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
 
-use std::sync::atomic::Ordering;
-
-use vrtm_core::method::law::passes;
-use vrtm_core::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN, SWEPT_MARGIN};
+use vrtm_core::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN, SWEPT_MARGIN, passes};
 
 use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
@@ -21,10 +18,7 @@ use super::terms::QuadraticModel;
 impl Run<'_> {
     /// Relaxes a level. `fraction` is the step fraction per chart (1 if absent).
     pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, fraction: Option<&[f32]>) {
-        let grid = &self.grid.levels[level];
-        let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
-        let nodes: u64 = self.work[level].active.iter().map(movable).sum();
-        self.node_updates.fetch_add(nodes * u64::from(sweeps), Ordering::Relaxed);
+        self.count_updates(level, sweeps);
         self.with_surface(level, Relax { level, sweeps, fraction });
     }
 }

@@ -191,6 +191,14 @@ impl<'a> Run<'a> {
         sums
     }
 
+    /// Counts sweeps over the movable nodes of a level.
+    pub(super) fn count_updates(&self, level: usize, sweeps: u32) {
+        let grid = &self.grid.levels[level];
+        let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
+        let nodes: u64 = self.work[level].active.iter().map(movable).sum();
+        self.node_updates.fetch_add(nodes * u64::from(sweeps), Ordering::Relaxed);
+    }
+
     /// The sources of the patch of block `b` of a level with this state and surface.
     pub(super) fn source<S>(&self, level: usize, state: State, surface: S, b: usize) -> Source<'_, S> {
         let (weights, anchor) = (&self.weights[level], self.anchor);

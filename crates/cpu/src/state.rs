@@ -22,8 +22,7 @@ impl Run<'_> {
     /// Per triangle: position of the first corner in the pose, ∂f/∂x, ∂f/∂y.
     pub fn triangles(&self) -> Vec<[f32; 9]> {
         let triangle = |t: &TriangleRecord| {
-            let t = t.pose();
-            let ([a, b, c], [d, e, f], [g, h, i]) = (t.origin, t.tangent[0], t.tangent[1]);
+            let [[.., a, b], [c, d, e, f, g, h, i, _]] = t.halves;
             [a, b, c, d, e, f, g, h, i]
         };
         self.memory.triangles.iter().map(triangle).collect()
@@ -44,11 +43,6 @@ impl Run<'_> {
             all.extend(buffers.triangle.get(b).unwrap_or(&[NONE; NODES]));
         }
         all
-    }
-
-    /// The energy of a level's present state per chart.
-    pub fn energies_of(&mut self, level: usize) -> Vec<f64> {
-        self.energies(level)
     }
 
     /// The step fraction of the next correction per chart; 0 if the chart skips the level's further corrections.

@@ -72,20 +72,15 @@ impl Patch {
         }
     }
 
-    /// The change since the previous result of the offsets `d` from a row's nodes to their neighbours at (di, dj).
-    #[inline(always)]
-    fn change_of_offset<V: Lanes>(&self, row: Row, d: &[V; 2], di: i64, dj: i64) -> [V; 2] {
-        let here = each!([0, 1], |c| row.near::<V>(&self.anchor[c], 0, 0));
-        let before = row.offset(&self.anchor, &here, di, dj);
-        each!([0, 1], |c| d[c] - before[c])
-    }
-
-    /// The energy of the pull in an edge, θ |d - d'|² / |d0|², and its contribution to the gradient at the node.
+    /// The energy of the pull in an edge with the offset d, θ |d - d'|² / |d0|², where d' is that of the previous
+    /// result, and its contribution to the gradient at the node.
     #[inline(always)]
     fn pull<V: Lanes>(&self, row: Row, d: &[V; 2], k: usize, weights: &Weights) -> (V, [V; 2]) {
         let (di, dj, ..) = NEIGHBOURS[k];
         let stiffness = pull_stiffness(k, weights);
-        let change = self.change_of_offset(row, d, di, dj);
+        let here = each!([0, 1], |c| row.near::<V>(&self.anchor[c], 0, 0));
+        let before = row.offset(&self.anchor, &here, di, dj);
+        let change = each!([0, 1], |c| d[c] - before[c]);
         let energy = (change[0] * change[0] + change[1] * change[1]) * stiffness;
         (energy, each!([0, 1], |c| -(change[c] * stiffness)))
     }

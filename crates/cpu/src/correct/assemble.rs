@@ -34,13 +34,9 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let next = |b| Patch::prefetch_next(&run.grid.levels[self.level], state, b);
         run.sum_blocks(self.level, next, |worker, b| {
             // SAFETY: each item has its own rows.
-            let out = unsafe {
-                Out {
-                    sums: row_sums.get_mut(b),
-                    words: words.get_mut(b),
-                    right_hand_side: right_hand_sides.get_mut(b),
-                }
-            };
+            let (sums, words, right_hand_side) =
+                unsafe { (row_sums.get_mut(b), words.get_mut(b), right_hand_sides.get_mut(b)) };
+            let out = Out { sums, words, right_hand_side };
             let source = run.source(self.level, state, surface, b);
             run.patches.with(worker, |patch| {
                 run.slopes.with(worker, |slopes| dispatch(AssembleBlock { patch, slopes, source, out }))

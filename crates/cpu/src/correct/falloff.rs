@@ -1,7 +1,6 @@
 //! The falloff of step fractions (method §7.6): lowers them until those of neighbouring nodes differ by at most a
-//! chart's
-//! *slope*. It reaches as far as it has to: it goes along the rows of nodes, forth and back, and then along the columns,
-//! through all blocks that lie side by side.
+//! chart's *slope*. It reaches as far as it has to: it goes along the rows of nodes, forth and back, and then along the
+//! columns, through all blocks that lie side by side.
 
 use super::super::run::Run;
 use vrtm_core::allocation::{Vec, vec, zeroed};
@@ -29,8 +28,8 @@ pub fn slopes(run: &Run, level: &Level, blocks: &[u32], step: &[[Plane; 2]]) -> 
 
 /// Lowers the fractions of the charts that have `blocks`.
 pub fn fall_off(run: &Run, level: &Level, blocks: &[u32], fraction: SharedSlice<[Plane; 2]>, slopes: &[f32]) {
-    for axis in [Axis::Row, Axis::Column] {
-        let (before, after) = axis.neighbours();
+    // With the neighbours of a block before and after it along its lines, in the order of `Blocks::neighbours`.
+    for (along_rows, before, after) in [(true, 3, 5), (false, 1, 7)] {
         let neighbour = |b: usize, k: usize| {
             let b = level.blocks.neighbours[b][k];
             (b != NONE && level.blocks.list[b as usize].active).then_some(b as usize)
@@ -40,60 +39,24 @@ pub fn fall_off(run: &Run, level: &Level, blocks: &[u32], fraction: SharedSlice<
         run.team.run(firsts.len(), |k| {
             let mut b = firsts[k] as usize;
             let slope = slopes[level.blocks.list[b].chart as usize];
-            let mut low = [1.0; SIDE];
-            // SAFETY: each item has its own run of blocks.
-            let forth =
-                |b: usize, low: &mut _| axis.forth(unsafe { &mut fraction.get_mut(b)[0] }, slope, low);
-            let back = |b: usize, low: &mut _| axis.back(unsafe { &mut fraction.get_mut(b)[0] }, slope, low);
-            forth(b, &mut low);
-            while let Some(next) = neighbour(b, after) {
-                b = next;
-                forth(b, &mut low);
-            }
-            low = [1.0; SIDE];
-            back(b, &mut low);
-            while let Some(next) = neighbour(b, before) {
-                b = next;
-                back(b, &mut low);
+            for (forth, next) in [(true, after), (false, before)] {
+                // Of each line, the fraction of the node before.
+                let mut low = [1.0; SIDE];
+                loop {
+                    // SAFETY: each item has its own run of blocks.
+                    let plane = unsafe { &mut fraction.get_mut(b)[0] };
+                    for k in 0..SIDE {
+                        let place = if forth { k } else { SIDE - 1 - k };
+                        for (line, low) in low.iter_mut().enumerate() {
+                            let s = if along_rows { slot(place, line) } else { slot(line, place) };
+                            *low = plane[s].min(*low + slope);
+                            plane[s] = *low;
+                        }
+                    }
+                    let Some(next) = neighbour(b, next) else { break };
+                    b = next;
+                }
             }
         });
-    }
-}
-
-/// The lines of nodes along which a pass goes.
-#[derive(Clone, Copy)]
-enum Axis {
-    Row,
-    Column,
-}
-
-impl Axis {
-    /// The neighbours of a block before and after it along its lines, in the order of `Blocks::neighbours`.
-    fn neighbours(self) -> (usize, usize) {
-        match self {
-            Axis::Row => (3, 5),
-            Axis::Column => (1, 7),
-        }
-    }
-
-    fn forth(self, plane: &mut Plane, slope: f32, low: &mut [f32; SIDE]) {
-        (0..SIDE).for_each(|place| self.step(plane, place, slope, low));
-    }
-
-    fn back(self, plane: &mut Plane, slope: f32, low: &mut [f32; SIDE]) {
-        (0..SIDE).rev().for_each(|place| self.step(plane, place, slope, low));
-    }
-
-    /// The node at `place` of each line. `low` has the fractions of the nodes that come before them.
-    #[inline(always)]
-    fn step(self, plane: &mut Plane, place: usize, slope: f32, low: &mut [f32; SIDE]) {
-        for (line, low) in low.iter_mut().enumerate() {
-            let s = match self {
-                Axis::Row => slot(place, line),
-                Axis::Column => slot(line, place),
-            };
-            *low = plane[s].min(*low + slope);
-            plane[s] = *low;
-        }
     }
 }

@@ -41,18 +41,9 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
             }
             let neighbours = active_neighbours(fine_level, child as usize);
             let weights = interpolation(fine_level, &neighbours);
-            let mut windows = [[0.0f32; WINDOW_NODES]; 3];
-            for (c, window) in windows.iter_mut().enumerate() {
-                window::load(&neighbours, 0.0, |b| &fine.product[b][c], window);
-            }
-            let movable_here = &level.movable[b];
-            dispatch(RestrictQuarter {
-                windows: &windows,
-                weights: &weights,
-                movable: movable_here,
-                quarter,
-                r: sums,
-            });
+            let windows = &window::planes(&neighbours, |b, c| &fine.product[b][c]);
+            let (weights, movable_here) = (&weights, &level.movable[b]);
+            dispatch(RestrictQuarter { windows, weights, movable: movable_here, quarter, r: sums });
             run.pairs.with(worker, |pairs| {
                 let neighbour = |k: usize| (neighbours[k] != NONE).then(|| neighbours[k] as usize);
                 let diagonals = [0, 1, 3, 4].map(|k| neighbour(k).map(|b| &fine.rows.diagonal[b]));
@@ -62,7 +53,7 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
                     neighbours: &neighbours,
                     diagonals,
                     west: neighbour(3).map(|b| (&fine_level.interpolation[b], &fine.rows.words[b][0])),
-                    weights: &weights,
+                    weights,
                     pairs,
                     movable: &movable,
                     quarter,
@@ -115,29 +106,18 @@ impl Vectorised for QuarterPairs<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let QuarterPairs {
-            fine_rows,
-            fine_words,
-            neighbours,
-            diagonals,
-            weights,
-            west: west_block,
-            pairs,
-            movable,
-            quarter,
-            words,
-        } = self;
-        halo_pairs::<V>(fine_words, neighbours, pairs);
-        fine_rows.interior_pairs::<V>(pairs);
-        let [south_west, south, west, centre] = diagonals;
-        let east_of_west = west_block.map(|(_, words)| words);
+        halo_pairs::<V>(self.fine_words, self.neighbours, self.pairs);
+        self.fine_rows.interior_pairs::<V>(self.pairs);
+        let (pairs, weights) = (&*self.pairs, self.weights);
+        let [south_west, south, west, centre] = self.diagonals;
+        let (weights_of_west, east_of_west) = self.west.unzip();
         // Row -1 lies in the blocks to the south, but its pairs are also in this block's halo.
         let mut below = x_product::<V>(pairs, weights, 0, [south, south_west], None, SIDE - 1);
         for j in 0..LANES {
             let middle = x_product::<V>(pairs, weights, 2 * j + 1, [centre, west], east_of_west, 2 * j);
             let above = x_product::<V>(pairs, weights, 2 * j + 2, [centre, west], east_of_west, 2 * j + 1);
-            let y_weights = YWeights::new(weights, west_block.map(|(weights, _)| weights), j);
-            store_pairs::<V>(&y_product(&below, &middle, &above, &y_weights), j, movable, quarter, words);
+            let product = y_product(&below, &middle, &above, &YWeights::new(weights, weights_of_west, j));
+            store_pairs::<V>(&product, j, self.movable, self.quarter, self.words);
             below = above;
         }
     }

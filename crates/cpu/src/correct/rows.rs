@@ -4,7 +4,7 @@
 //! feature that moves as a whole is the sum of thousands of row sums; it must come from the feature's surroundings and
 //! not from rounding.
 
-use super::super::allocate::Allocate;
+use super::super::allocate::Allocator;
 use super::super::lanes::{LANES, Lanes, each};
 use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
@@ -35,7 +35,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    pub fn new(allocator: &mut impl Allocate, blocks: usize) -> Rows {
+    pub fn new(allocator: &mut Allocator, blocks: usize) -> Rows {
         Rows {
             diagonal: allocator.zeros(blocks),
             words: allocator.zeros(blocks),

@@ -19,14 +19,14 @@ impl Run<'_> {
         complete::complete(self, level, &mut assembling.solving(&mut samples[level..]).levels[0], false);
         self.memory.levels = samples;
         self.memory.workspace = workspace;
-        [self.rows(level), flat(self.memory.workspace.residual(level))]
+        [self.rows(level), flat(&self.memory.workspace.levels[level].planes_a)]
     }
 
     /// The matrix of a level's system. A block has 3 planes for the diagonal, and 2 of encoded pairs for each of the
     /// four owned edges.
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
-        let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);
+        let Rows { diagonal, words, .. } = &self.memory.workspace.levels[level].rows;
         for (diagonal, words) in diagonal.iter().zip(words) {
             all.extend(flat(&[*diagonal]));
             all.extend(words.as_flattened().as_flattened());
@@ -38,8 +38,8 @@ impl Run<'_> {
     pub fn step_of(&self, level: usize) -> [Vec<u32>; 2] {
         let workspace = &self.memory.workspace;
         let blocks = self.grid.levels[level].blocks.list.len();
-        let step = if level == 0 { &*self.result } else { &workspace.coarse_step()[..blocks] };
-        let fraction = (0..blocks).flat_map(|b| workspace.step_fraction(level, b).map(f32::to_bits));
+        let step = if level == 0 { &*self.result } else { &workspace.coarse_step[..blocks] };
+        let fraction = workspace.levels[level].planes_a.iter().flat_map(|planes| planes[0].map(f32::to_bits));
         [flat(step), fraction.collect()]
     }
 }

@@ -13,7 +13,6 @@ use super::falloff::{fall_off, slopes};
 use super::transfer::active_neighbours;
 use super::workspace::{Limiting, Stepping};
 use vrtm_core::allocation::{Vec, zeroed};
-use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
 use vrtm_core::method::law::{MARGIN_LEFT, STEP_MIN_JACOBIAN, limit_rounds, margin_left};
@@ -21,16 +20,12 @@ use vrtm_core::team::SharedSlice;
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian below the bound, and continues with the last
 /// phase. A chart for which `limit_rounds` rounds do not suffice is refused later because of its energy.
-pub fn limit<'a>(run: &Run, level: usize, mut limiting: Limiting<'a>) -> Stepping<'a> {
-    let cut = fractions(run, level, &mut limiting);
-    limiting.stepping(cut)
-}
-
-/// The fractions; and per chart the largest part of the step that the first fractions cut off at a corner.
-fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
+pub fn limit<'a>(run: &Run, level: usize, limiting: Limiting<'a>) -> Stepping<'a> {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
     let step = limiting.step;
+    // The step is 0 in blocks without movable nodes.
+    let step_window = |b: usize| window::planes::<2>(&active_neighbours(grid, b), |b, c| &step[b][c]);
     // Only active blocks are written: in inactive blocks the memory of the marks has to stay 0 for the next V-cycle.
     let (fraction, mark) = (SharedSlice::new(limiting.fraction), SharedSlice::new(limiting.mark));
     let mut blocks = run.work[level].active.clone();
@@ -41,13 +36,11 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
         prefetch_next(&step[b]);
     };
     run.each_of(&blocks, next, |_, k, b| {
-        let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
-        load_step(grid, u, step, b, &mut u_window, &mut step_window);
+        let (u, step) = (&window::planes(&grid.blocks.neighbours[b], |b, c| &u[b][c]), &step_window(b));
         // SAFETY: each item has its own block and least fraction.
         unsafe {
             let fraction = &mut fraction.get_mut(b)[0];
-            *least_of_block.get_mut(k) =
-                dispatch(AllowedFraction { u: &u_window, step: &step_window, left: MARGIN_LEFT, fraction });
+            *least_of_block.get_mut(k) = dispatch(AllowedFraction { u, step, left: MARGIN_LEFT, fraction });
         };
     });
     // Charts in which no node is limited are done, and are skipped in later rounds.
@@ -68,14 +61,12 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
     let slopes = slopes(run, grid, &blocks, step);
     fall_off(run, grid, &blocks, fraction, &slopes);
     for round in 0..limit_rounds(level) {
-        let mut marked = zeroed(blocks.len());
-        let flags = SharedSlice::new(&mut marked);
+        let mut marked: Vec<bool> = zeroed(blocks.len());
         let left = margin_left(round);
-        run.team.run(blocks.len(), |k| {
+        run.team.fill(&mut marked, |k, marked| {
             let b = blocks[k] as usize;
-            let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
-            let mut fractions: Window = [1.0; WINDOW_NODES];
-            load_step(grid, u, step, b, &mut u_window, &mut step_window);
+            let mut u: [Window; 2] = window::planes(&grid.blocks.neighbours[b], |b, c| &u[b][c]);
+            let (mut step, mut fractions) = (step_window(b), [1.0; WINDOW_NODES]);
             // SAFETY: fractions are only read, and each item has its own marks.
             let mark = unsafe {
                 window::load(&active_neighbours(grid, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
@@ -83,20 +74,16 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
             };
             for c in 0..2 {
                 for n in 0..WINDOW_NODES {
-                    step_window[c][n] *= fractions[n];
+                    step[c][n] *= fractions[n];
                     if left.is_none() {
-                        u_window[c][n] += step_window[c][n];
+                        u[c][n] += step[c][n];
                     }
                 }
             }
-            let any = match left {
-                Some(left) => {
-                    dispatch(AllowedFraction { u: &u_window, step: &step_window, left, fraction: mark }) < 1.0
-                }
-                None => dispatch(Marks { u: &u_window, mark }),
+            *marked = match left {
+                Some(left) => dispatch(AllowedFraction { u: &u, step: &step, left, fraction: mark }) < 1.0,
+                None => dispatch(Marks { u: &u, mark }),
             };
-            // SAFETY: each item has its own flag.
-            unsafe { *flags.get_mut(k) = any };
         });
         keep_open(&mut blocks, &marked);
         if blocks.is_empty() {
@@ -114,23 +101,7 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
         });
         fall_off(run, grid, &blocks, fraction, &slopes);
     }
-    cut
-}
-
-/// Gathers displacements and step of block `b` with its halo. The step is 0 in blocks without movable nodes.
-fn load_step(
-    level: &Level,
-    u: &[[Plane; 2]],
-    step: &[[Plane; 2]],
-    b: usize,
-    u_window: &mut [Window; 2],
-    step_window: &mut [Window; 2],
-) {
-    let neighbours = active_neighbours(level, b);
-    for c in 0..2 {
-        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], &mut u_window[c]);
-        window::load(&neighbours, 0.0, |b| &step[b][c], &mut step_window[c]);
-    }
+    limiting.stepping(cut)
 }
 
 /// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
@@ -165,11 +136,11 @@ fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], left: f32, ro
     for &(sx, sy) in &QUADRANTS {
         let sign = (sx * sy) as f32;
         let [a, b, c] = [row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy)];
-        let [da, db, dc] = [
-            offset_change(step, &dp, row, sx, 0),
-            offset_change(step, &dp, row, 0, sy),
-            offset_change(step, &dp, row, sx, sy),
-        ];
+        // The changes of these offsets over a whole step.
+        let [da, db, dc] = each!([0, 1, 2], |k| {
+            let (di, dj) = [(sx, 0), (0, sy), (sx, sy)][k];
+            each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - dp[c])
+        });
         for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
             // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus the bound and the margin to be
             // left. q(0) >= 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
@@ -187,27 +158,10 @@ fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], left: f32, ro
     fraction
 }
 
-/// The change over a whole step of the offsets from a row's nodes to their neighbours at (di, dj). `dp` is the step of
-/// the row's nodes.
-#[inline(always)]
-fn offset_change<V: Lanes>(step: &[Window; 2], dp: &[V; 2], row: Row, di: i64, dj: i64) -> [V; 2] {
-    each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - dp[c])
-}
-
 /// sign (a x b).
 #[inline(always)]
 fn cross<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> V {
     (a[0] * b[1] - a[1] * b[0]) * sign
-}
-
-/// The least value at each node of a row and at its eight neighbours.
-#[inline(always)]
-fn least_around<V: Lanes>(values: &Window, row: Row) -> V {
-    let mut least = row.near::<V>(values, 0, 0);
-    for (di, dj, ..) in NEIGHBOURS {
-        least = least.min(row.near(values, di, dj));
-    }
-    least
 }
 
 /// Multiplies the fractions of a block by the least mark of each node and its eight neighbours.
@@ -222,7 +176,11 @@ impl Vectorised for Shrink<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         for row in Row::all() {
-            row.store(self.fraction, row.load::<V>(self.fraction) * least_around::<V>(self.marks, row));
+            let mut least = row.near::<V>(self.marks, 0, 0);
+            for (di, dj, ..) in NEIGHBOURS {
+                least = least.min(row.near(self.marks, di, dj));
+            }
+            row.store(self.fraction, row.load::<V>(self.fraction) * least);
         }
     }
 }
@@ -258,7 +216,7 @@ fn least_corner<V: Lanes>(u: &[Window; 2], row: Row) -> V {
     for &(sx, sy) in &QUADRANTS {
         let (a, b, c) = (row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy));
         for (a, b) in [(&a, &b), (&a, &c), (&c, &b)] {
-            least = ((a[0] * b[1] - a[1] * b[0]) * (sx * sy) as f32).min(least);
+            least = cross(a, b, (sx * sy) as f32).min(least);
         }
     }
     least

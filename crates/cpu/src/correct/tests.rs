@@ -13,7 +13,7 @@ const GRID: usize = 64;
 
 /// (xx, xy, yy) of the sum of a node's stored row, and the largest magnitude among the row's terms.
 fn row_sum(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
-    let rows = run.memory.workspace.rows(level);
+    let rows = &run.memory.workspace.levels[level].rows;
     let find = |i: usize, j: usize| {
         let b = run.grid.levels[level].blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize;
         (b, slot(i % SIDE, j % SIDE))

@@ -8,7 +8,7 @@ use super::super::prolong;
 use super::super::run::Run;
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::window::{self, Window, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::SharedSlice;
 
@@ -25,18 +25,14 @@ pub fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]])
         // SAFETY: each item has its own block.
         let r = unsafe { r.get_mut(b) };
         *r = [[0.0; NODES]; 2];
-        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         for (quarter, &child) in coarse.children[b].iter().enumerate() {
             // A block without movable nodes has no residual: its memory may hold older values.
             if child == NONE || !fine.blocks.list[child as usize].active {
                 continue;
             }
             let neighbours = active_neighbours(fine, child as usize);
-            for c in 0..2 {
-                window::load(&neighbours, 0.0, |b| &t[b][c], &mut windows[c]);
-            }
-            let weights = interpolation(fine, &neighbours);
-            let (windows, weights, movable) = (&windows, &weights, &coarse.movable[b]);
+            let windows = &window::planes(&neighbours, |b, c| &t[b][c]);
+            let (weights, movable) = (&interpolation(fine, &neighbours), &coarse.movable[b]);
             dispatch(RestrictQuarter { windows, weights, movable, quarter, r });
         }
     });

@@ -14,16 +14,16 @@ use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::Plane;
 
-use super::super::allocate::Allocate;
+use super::super::allocate::Allocator;
 use super::super::buffers::Buffers;
 use super::rows::Rows;
 
-/// The memory of the corrections of all levels.
+/// The memory of the corrections of all levels. Tests compare both backends by what a correction leaves in it.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    levels: Vec<LevelMemory>,
+    pub(super) levels: Vec<LevelMemory>,
     /// The step of a correction on a coarser level. That of the finest level is stored in the memory of the result.
-    coarse_step: Vec<[Plane; 2]>,
+    pub(super) coarse_step: Vec<[Plane; 2]>,
     /// On the finest level, the step of the correction before, as two bfloat16 per node; 0 in blocks without movable
     /// nodes.
     last_step: Vec<Plane<u32>>,
@@ -34,16 +34,16 @@ pub struct Workspace {
 
 /// The memory of the corrections of one level.
 #[derive(Debug, Default)]
-struct LevelMemory {
-    rows: Rows,
+pub(super) struct LevelMemory {
+    pub(super) rows: Rows,
     /// Pair of planes A.
-    planes_a: Vec<[Plane; 2]>,
+    pub(super) planes_a: Vec<[Plane; 2]>,
     /// Pair of planes B; 0 in blocks without movable nodes, which no phase writes.
     planes_b: Vec<[Plane; 2]>,
 }
 
 impl Workspace {
-    pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Workspace {
+    pub fn new(allocator: &mut Allocator, grid: &Grid) -> Workspace {
         let corrected = &grid.levels[..=grid.coarsest()];
         let mut levels = Vec::with_capacity(corrected.len());
         for level in corrected {
@@ -68,29 +68,6 @@ impl Workspace {
         let step = if level == 0 { result } else { &mut self.coarse_step };
         let last_step = (level == 0).then_some(&mut *self.last_step);
         Assembling { levels: &mut self.levels[level..], step, last_step }
-    }
-}
-
-/// Leftovers of a correction, with which tests compare both backends.
-impl Workspace {
-    /// The rows of a level, as the last correction left them.
-    pub fn rows(&self, level: usize) -> &Rows {
-        &self.levels[level].rows
-    }
-
-    /// The right-hand side of a level, if assembly was the last phase.
-    pub fn residual(&self, level: usize) -> &[[Plane; 2]] {
-        &self.levels[level].planes_a
-    }
-
-    /// The last step on a coarser level, before it was limited.
-    pub fn coarse_step(&self) -> &[[Plane; 2]] {
-        &self.coarse_step
-    }
-
-    /// The step fraction of each node of block `b` in the last correction of `level`.
-    pub fn step_fraction(&self, level: usize, b: usize) -> &Plane {
-        &self.levels[level].planes_a[b][0]
     }
 }
 

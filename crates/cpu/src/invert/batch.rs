@@ -14,8 +14,8 @@ pub const BATCH: usize = 32;
 type Numbers = [f64; BATCH];
 
 /// The lower and the upper triangle of a cell.
-pub const LOWER: usize = 1;
-pub const UPPER: usize = 2;
+const LOWER: u8 = 1;
+const UPPER: u8 = 2;
 
 /// Candidates: texel centres and cells, in texels. Centres are the integer points.
 pub struct Batch {
@@ -35,13 +35,44 @@ pub struct Batch {
     p: [Numbers; 2],
 }
 
-/// A texel centre in a cell.
-pub struct Candidate {
-    pub texel: [usize; 2],
-    pub node: [f64; 2],
-    /// Corners in the order of `Batch::corners`.
-    pub corners: [[f64; 2]; 4],
-    pub is_beyond: bool,
+/// W⁻¹ at a texel centre.
+pub struct Inverse<'a> {
+    /// The chart whose warp it is.
+    pub chart: u32,
+    batch: &'a Batch,
+    n: usize,
+}
+
+impl Inverse<'_> {
+    /// The point, in cells.
+    #[inline(always)]
+    pub fn point(&self) -> [f64; 2] {
+        self.batch.p.map(|of| of[self.n])
+    }
+
+    /// True if the point's cell is not wholly in the chart itself.
+    #[inline(always)]
+    pub fn is_beyond(&self) -> bool {
+        self.batch.is_beyond[self.n]
+    }
+
+    /// The derivatives of W⁻¹ in the point's triangle, in cells per texel: a row for each component of W⁻¹.
+    #[inline(always)]
+    pub fn jacobian(&self) -> [[f64; 2]; 2] {
+        let Inverse { batch, n, .. } = *self;
+        let corner = |k: usize| DVec2::new(batch.corners[k][0][n], batch.corners[k][1][n]);
+        let (a, c) = (corner(0), corner(2));
+        let (r1, r2, e1, e2) = if batch.triangle[n] == LOWER {
+            (DVec2::X, DVec2::ONE, corner(1) - a, c - a)
+        } else {
+            (DVec2::ONE, DVec2::Y, c - a, corner(3) - a)
+        };
+        let inverse = 1.0 / e1.perp_dot(e2);
+        [
+            [(r1.x * e2.y - r2.x * e1.y) * inverse, (r2.x * e1.x - r1.x * e2.x) * inverse],
+            [(r1.y * e2.y - r2.y * e1.y) * inverse, (r2.y * e1.x - r1.y * e2.x) * inverse],
+        ]
+    }
 }
 
 impl Batch {
@@ -59,67 +90,31 @@ impl Batch {
         }
     }
 
-    /// Adds a candidate. There must be room for it.
+    /// Adds a candidate: a texel centre, in a cell with this first node and these corners in the order of
+    /// `Batch::corners`. There must be room for it.
     #[inline(always)]
-    pub fn push(&mut self, candidate: &Candidate) {
+    pub fn push(&mut self, [x, y]: [usize; 2], node: [f64; 2], corners: &[[f64; 2]; 4], is_beyond: bool) {
         let n = self.len % BATCH;
-        (self.x[n], self.y[n]) = (candidate.texel[0] as f64, candidate.texel[1] as f64);
+        (self.x[n], self.y[n]) = (x as f64, y as f64);
         for c in 0..2 {
-            self.node[c][n] = candidate.node[c];
+            self.node[c][n] = node[c];
             for k in 0..4 {
-                self.corners[k][c][n] = candidate.corners[k][c];
+                self.corners[k][c][n] = corners[k][c];
             }
         }
-        self.is_beyond[n] = candidate.is_beyond;
+        self.is_beyond[n] = is_beyond;
         self.len += 1;
     }
 
-    /// Finds the triangles in which the candidates lie, calls `f(self, n, triangle)` for those that lie in one, in
-    /// order, and empties the batch.
+    /// Finds the triangles in which the candidates lie, calls `f(x, y, inverse)` for those that lie in one, in order,
+    /// with their texels, and empties the batch. All are of one chart.
     #[inline(always)]
-    pub fn flush(&mut self, mut f: impl FnMut(&Batch, usize, usize)) {
+    pub fn flush(&mut self, chart: u32, mut f: impl FnMut(usize, usize, Inverse)) {
         self.locate();
-        for n in 0..self.len {
-            if self.triangle[n] != 0 {
-                f(self, n, self.triangle[n].into());
-            }
+        for n in (0..self.len).filter(|&n| self.triangle[n] != 0) {
+            f(self.x[n] as usize, self.y[n] as usize, Inverse { chart, batch: self, n });
         }
         self.len = 0;
-    }
-
-    /// The texel of candidate `n`.
-    #[inline(always)]
-    pub fn texel(&self, n: usize) -> [usize; 2] {
-        [self.x[n] as usize, self.y[n] as usize]
-    }
-
-    /// The point at rest that the warp takes to candidate `n`, in cells.
-    #[inline(always)]
-    pub fn point(&self, n: usize) -> [f64; 2] {
-        [self.p[0][n], self.p[1][n]]
-    }
-
-    /// True if the cell of candidate `n` is not wholly in the chart itself.
-    #[inline(always)]
-    pub fn is_beyond(&self, n: usize) -> bool {
-        self.is_beyond[n]
-    }
-
-    /// The derivatives of W⁻¹ at candidate `n`, in cells per texel: a row for each component of W⁻¹.
-    #[inline(always)]
-    pub fn jacobian(&self, n: usize, triangle: usize) -> [[f64; 2]; 2] {
-        let corner = |k: usize| DVec2::new(self.corners[k][0][n], self.corners[k][1][n]);
-        let (a, c) = (corner(0), corner(2));
-        let (r1, r2, e1, e2) = if triangle == LOWER {
-            (DVec2::X, DVec2::ONE, corner(1) - a, c - a)
-        } else {
-            (DVec2::ONE, DVec2::Y, c - a, corner(3) - a)
-        };
-        let inverse = 1.0 / e1.perp_dot(e2);
-        [
-            [(r1.x * e2.y - r2.x * e1.y) * inverse, (r2.x * e1.x - r1.x * e2.x) * inverse],
-            [(r1.y * e2.y - r2.y * e1.y) * inverse, (r2.y * e1.x - r1.y * e2.x) * inverse],
-        ]
     }
 
     /// Finds the triangles. One without area, which only the paper's solver makes, contains nothing. In a sliver the
@@ -142,7 +137,7 @@ impl Batch {
                 & Side::new(c, d, at).holds(upper, 1.0)
                 & Side::new(d, a, at).holds(upper, 1.0)
                 & diagonal.holds(upper, 1.0);
-            triangle[n] = if in_upper { UPPER as u8 } else { u8::from(in_lower) * LOWER as u8 };
+            triangle[n] = if in_upper { UPPER } else { u8::from(in_lower) * LOWER };
             let select = |lower: f64, upper: f64| if in_upper { upper } else { lower };
             let (e1, e2) =
                 ((select(ab.0, ac.0), select(ab.1, ac.1)), (select(ac.0, ad.0), select(ac.1, ad.1)));

@@ -1,6 +1,6 @@
 use glam::DVec2;
 
-use super::batch::{BATCH, Batch, Candidate};
+use super::batch::{BATCH, Batch};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::fill::Fill;
 
@@ -16,10 +16,9 @@ fn covered(corners: [[f64; 2]; 4]) -> Vec<Found> {
     let mut found = Vec::new();
     let mut batch = Batch::new();
     for n in 0..TEXELS * TEXELS {
-        let texel = [n % TEXELS, n / TEXELS];
-        batch.push(&Candidate { texel, node: REST, corners, is_beyond: false });
+        batch.push([n % TEXELS, n / TEXELS], REST, &corners, false);
         if batch.len == BATCH {
-            batch.flush(|batch, n, _| found.push((batch.texel(n), batch.point(n))));
+            batch.flush(0, |x, y, inverse| found.push(([x, y], inverse.point())));
         }
     }
     found

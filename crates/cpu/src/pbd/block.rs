@@ -2,7 +2,7 @@
 
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{NODES, Plane};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
+use vrtm_core::grid::window::{self, Window};
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::SharedSlice;
 
@@ -27,13 +27,9 @@ impl<'a, P, S: Surface> PassBlock<'a, P, S> {
     /// The displacements of the block and its halo.
     #[inline(always)]
     pub fn displacements(&self) -> [Window; 2] {
-        let mut u = [[0.0; WINDOW_NODES]; 2];
-        for (c, window) in u.iter_mut().enumerate() {
-            // SAFETY: nothing writes the state.
-            let plane = |b: usize| unsafe { &self.state.u.get(b)[c] };
-            window::load(&self.level.blocks.neighbours[self.b], 0.0, plane, window);
-        }
-        u
+        // SAFETY: nothing writes the state.
+        let plane = |b: usize, c: usize| unsafe { &self.state.u.get(b)[c] };
+        window::planes(&self.level.blocks.neighbours[self.b], plane)
     }
 
     /// Copies the block's state to the next one, and returns the displacements and values there.

@@ -31,14 +31,11 @@ impl<S: Surface> Vectorised for PassBlock<'_, Project, S> {
         let neighbours = &level.blocks.neighbours[b];
         let floor = V::splat(level.floor[level.blocks.list[b].chart as usize]);
         let u = self.displacements();
-        let mut value: [Window; 3] = [[0.0; WINDOW_NODES]; 3];
         let mut rigidity: Window = [0.0; WINDOW_NODES];
         let mut movable: Window<u8> = [0; WINDOW_NODES];
         let mut length: Window = [0.0; WINDOW_NODES];
-        for c in 0..3 {
-            // SAFETY: nothing writes the state.
-            window::load(neighbours, 0.0, |b| unsafe { &state.value.get(b)[c] }, &mut value[c]);
-        }
+        // SAFETY: nothing writes the state.
+        let value: [Window; 3] = window::planes(neighbours, |b, c| unsafe { &state.value.get(b)[c] });
         let (next_u, next_value) = self.copied();
         decode::rigidity::<V>(level, b, &mut rigidity);
         window::load(neighbours, 0, |b| &level.movable[b], &mut movable);

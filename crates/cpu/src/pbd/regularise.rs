@@ -10,15 +10,7 @@ use super::super::row::Row;
 use super::super::sampling::Surface;
 use super::block::PassBlock;
 use vrtm_core::method::law::TINY;
-
-/// The parameters of integration and prediction.
-#[derive(Clone, Copy)]
-pub struct Velocity {
-    /// True for the last iteration of the level, which is not followed by a prediction.
-    pub last: bool,
-    /// Fraction of its velocity that a node keeps: 1 - damping.
-    pub momentum: f32,
-}
+use vrtm_core::method::pbd::Iteration;
 
 /// A pass of regularisation.
 #[derive(Clone, Copy)]
@@ -26,7 +18,7 @@ pub struct Regularise {
     /// The setting s of eq. 4.
     pub smoothing: f32,
     /// `None` for regularisation without integration and prediction.
-    pub velocity: Option<Velocity>,
+    pub iteration: Option<Iteration>,
 }
 
 impl<S: Surface> Vectorised for PassBlock<'_, Regularise, S> {
@@ -34,7 +26,7 @@ impl<S: Surface> Vectorised for PassBlock<'_, Regularise, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let PassBlock { pass: Regularise { smoothing, velocity }, level, b, .. } = self;
+        let PassBlock { pass: Regularise { smoothing, iteration }, level, b, .. } = self;
         let u = self.displacements();
         let (next_u, next_value) = self.copied();
         // SAFETY: nothing else accesses the block.
@@ -52,7 +44,7 @@ impl<S: Surface> Vectorised for PassBlock<'_, Regularise, S> {
             // Eq. 5, applied to displacements, which is equivalent to positions because the Gaussian reproduces the
             // grid at rest.
             let mut moved = each!([0, 1], |c| here[c] + blend * (gaussian::<V>(&u[c], row) - here[c]));
-            if let Some(Velocity { last, momentum }) = velocity {
+            if let Some(Iteration { last, momentum, .. }) = iteration {
                 let integrated = moved;
                 if !last {
                     let before = each!([0, 1], |c| V::load(&previous[c], s));

@@ -184,8 +184,8 @@ fn positions_are_integrated_and_predicted_from_their_velocity() {
         // Without smoothing, regularisation does not move a rigid node: its displacement is integrated unchanged.
         set(run, 4, 8, [0.5, 0.25]);
         let integrate = |last| {
-            let velocity = Some(Velocity { last, momentum: 0.5 });
-            Pass::Regularise(Regularise { smoothing: 0.0, velocity })
+            let iteration = Some(Iteration { last, momentum: 0.5, ..FULL });
+            Pass::Regularise(Regularise { smoothing: 0.0, iteration })
         };
         run.pass(0, integrate(false));
         // The velocity is the change from 0 to (0.5, 0.25), and the prediction adds half of it.
@@ -206,7 +206,7 @@ fn a_node_that_would_leave_its_chart_stays() {
         run.copy_inactive_blocks(0);
         // With a smoothing of 0.01 the rigid node would be far outside the chart, where the surface has no sample.
         let before = at(run, 4, 8);
-        run.pass(0, Pass::Regularise(Regularise { smoothing: 0.01, velocity: None }));
+        run.pass(0, Pass::Regularise(Regularise { smoothing: 0.01, iteration: None }));
         assert_eq!(at(run, 4, 8), before);
     });
 }

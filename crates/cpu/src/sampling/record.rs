@@ -40,9 +40,4 @@ impl TriangleRecord {
         let (l1, l2) = (a * d[0] + b * d[1], c * d[0] + e * d[1]);
         [1.0 - l1 - l2, l1, l2]
     }
-
-    pub fn pose(&self) -> PoseTriangle {
-        let ([.., px, py], [pz, x0, x1, x2, y0, y1, y2, _]) = (self.halves[0], self.halves[1]);
-        PoseTriangle { origin: [px, py, pz], tangent: [[x0, x1, x2], [y0, y1, y2]] }
-    }
 }

@@ -154,7 +154,7 @@ impl<'a> Pair<'a> {
         let selection = Selection { first: 2, count: 3, movable: true, ..selection };
         let values = if level == 0 { "position under W (chart sizes)" } else { "metric under W" };
         self.compare(at, values, selection, charts, &cpu, &gpu);
-        let of_cpu = self.cpu.energies_of(level);
+        let of_cpu = self.cpu.energies(level);
         let of_gpu = self.gpu.energies_of(level)?;
         self.per_chart(at, "energy of a chart, relative", |c| relative(of_cpu[c], of_gpu[c]));
         let sum = |of: &[f64]| (0..of.len()).filter(|&c| charts[c]).map(|c| of[c]).sum();
@@ -332,7 +332,7 @@ impl Pair<'_> {
         };
         let mut before = [Vec::new(), Vec::new()];
         self.attempt(|pair| {
-            before = [pair.cpu.energies_of(level), pair.gpu.energies_of(level)?];
+            before = [pair.cpu.energies(level), pair.gpu.energies_of(level)?];
             pair.before_correction(at, level)
         });
         self.run_both(stage);
