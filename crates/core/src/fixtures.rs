@@ -10,30 +10,22 @@ use crate::image::map::Map;
 use crate::mesh::{Mesh, MeshSource, TileMesh, UvSource};
 use crate::method::plan::Input;
 use crate::settings::TileSettings;
-use crate::view::{Scalar, Strided};
+use crate::view::Strided;
 
 /// A sheet of n x n quads over the whole tile, on a rest surface.
 pub fn sheet(n: u32, rest: impl Fn(f64, f64) -> [f64; 3]) -> Mesh {
-    let (mut positions, mut uvs, mut indices) = (Vec::new(), Vec::<f32>::new(), Vec::new());
-    for j in 0..=n {
-        for i in 0..=n {
-            let (u, v) = (i as f32 / n as f32, j as f32 / n as f32);
-            let p = rest(f64::from(u), f64::from(v));
-            positions.extend(p);
-            uvs.extend([u, v]);
-        }
-    }
+    let at = |k: u32| k as f32 / n as f32;
+    let uvs: Vec<[f32; 2]> = (0..=n).flat_map(|j| (0..=n).map(move |i| [at(i), at(j)])).collect();
+    let positions = posed(n, rest);
+    let mut indices = Vec::new();
     for j in 0..n {
         for i in 0..n {
             let a = j * (n + 1) + i;
             indices.extend([a, a + 1, a + n + 2, a, a + n + 2, a + n + 1]);
         }
     }
-    let bytes: Vec<u8> = uvs.iter().flat_map(|x| x.to_ne_bytes()).collect();
-    let uv = Strided::new("uv", &bytes, Scalar::F32, 2, uvs.len() / 2, 0).unwrap();
-    let bytes: Vec<u8> = positions.iter().flat_map(|x: &f64| x.to_ne_bytes()).collect();
-    let positions = Strided::new("positions", &bytes, Scalar::F64, 3, positions.len() / 3, 0).unwrap();
-    let uvs = UvSource { u: uv, v: None, indices: Some(&indices) };
+    let positions = Strided::from_f64x3(&positions);
+    let uvs = UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) };
     Mesh::new(&MeshSource { positions, indices: &indices, uvs, ..MeshSource::default() }).unwrap()
 }
 

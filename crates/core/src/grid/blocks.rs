@@ -185,20 +185,7 @@ mod tests {
         assert!(around.contains(17, 0) && around.dilated().contains(15, 0) && around.dilated().count() == 1);
     }
 
-    #[test]
-    fn charts_that_meet_in_a_block_have_a_copy_each() {
-        let nodes: Vec<_> = (0..256usize)
-            .filter_map(|n| match (n % 16, n / 16) {
-                (2..=5, 2..=13) => Some((0, n % 16, n / 16)),
-                (8..=11, 2..=13) => Some((1, n % 16, n / 16)),
-                _ => None,
-            })
-            .collect();
-        let (blocks, _) = blocks_of(2, &nodes);
-        assert_eq!(blocks.list.len(), 2);
-        assert_ne!(blocks.find(0, 0, 0), blocks.find(1, 0, 0));
-    }
-
+    /// Also where charts meet in a square, which then has a block of each.
     #[test]
     fn blocks_are_those_of_the_nodes_one_by_one() {
         let mut seed = 5u32;

@@ -21,10 +21,20 @@ fn pairs(uvs: &[f32]) -> Strided<'_> {
     Strided::from_f32x2(uvs.as_chunks().0)
 }
 
-fn build(positions: &[[f32; 3]], counts: Option<&[u32]>, indices: &[u32], uvs: &[f32]) -> Result<Mesh> {
+/// A mesh with one UV per vertex.
+fn source<'a>(
+    positions: &'a [[f32; 3]],
+    face_counts: Option<&'a [u32]>,
+    indices: &'a [u32],
+    uvs: &'a [f32],
+) -> MeshSource<'a> {
     let uvs = UvSource { u: pairs(uvs), v: None, indices: Some(indices) };
     let positions = Strided::from_f32x3(positions);
-    Mesh::new(&MeshSource { positions, face_counts: counts, indices, uvs, ..MeshSource::default() })
+    MeshSource { positions, face_counts, indices, uvs, ..MeshSource::default() }
+}
+
+fn build(positions: &[[f32; 3]], counts: Option<&[u32]>, indices: &[u32], uvs: &[f32]) -> Result<Mesh> {
+    Mesh::new(&source(positions, counts, indices, uvs))
 }
 
 #[test]
@@ -67,14 +77,8 @@ fn vertices_split_along_a_hard_edge_cut_a_chart_unless_welded_by_position() {
     let corners = [0, 1, 2, 3, 4, 5];
     let mesh = build(&positions, None, &corners, &uvs).unwrap();
     assert_eq!((mesh.info.charts, mesh.info.edges_apart, mesh.info.border_edges), (2, 1, 6));
-    let mesh = Mesh::new(&MeshSource {
-        positions: Strided::from_f32x3(&positions),
-        indices: &corners,
-        uvs: UvSource { u: pairs(&uvs), v: None, indices: Some(&corners) },
-        weld: Weld { by: WeldBy::Position, ..Weld::default() },
-        ..MeshSource::default()
-    })
-    .unwrap();
+    let weld = Weld { by: WeldBy::Position, ..Weld::default() };
+    let mesh = Mesh::new(&MeshSource { weld, ..source(&positions, None, &corners, &uvs) }).unwrap();
     assert_eq!((mesh.info.charts, mesh.info.edges_apart, mesh.info.border_edges), (1, 0, 4));
     assert_eq!(mesh.info.welded_edges, 1);
 }
@@ -116,16 +120,10 @@ fn a_concave_polygon_is_cut_into_triangles_of_one_sign() {
 #[test]
 fn charts_end_at_seams() {
     let (positions, indices, uvs) = strip(4, [0.1, 0.1], 0.2);
-    let mesh = Mesh::new(&MeshSource {
-        positions: Strided::from_f32x3(&positions),
-        face_counts: Some(&[4; 4]),
-        indices: &indices,
-        uvs: UvSource { u: pairs(&uvs), v: None, indices: Some(&indices) },
-        // The edge between the first two quads, in both directions. The last pair is a diagonal.
-        seams: &[[2, 3], [3, 2], [0, 3]],
-        ..MeshSource::default()
-    })
-    .unwrap();
+    // The edge between the first two quads, in both directions. The last pair is a diagonal.
+    let seams = &[[2, 3], [3, 2], [0, 3]];
+    let source = source(&positions, Some(&[4; 4]), &indices, &uvs);
+    let mesh = Mesh::new(&MeshSource { seams, ..source }).unwrap();
     assert_eq!((mesh.info.charts, mesh.info.seams_unused, mesh.info.border_edges), (2, 1, 12));
     assert_eq!(mesh.tiles[0].charts[0].triangles, 0..2);
 }
@@ -148,14 +146,9 @@ fn faces_without_texture_and_short_ones_keep_their_corners() {
     let positions: Vec<[f32; 3]> = (0..6).map(|k| [(k % 3) as f32, (k / 3) as f32, 0.0]).collect();
     let uvs = [0.1, 0.1, 0.5, 0.1, 0.9, 0.1, 0.1, 0.9, 0.5, 0.9, 0.9, 0.9];
     let build = |uv_indices: &[u32], textured_faces: Option<&[u32]>| {
-        Mesh::new(&MeshSource {
-            positions: Strided::from_f32x3(&positions),
-            face_counts: Some(&[4, 2, 1, 4, 0, 4]),
-            indices: &indices,
-            uvs: UvSource { u: pairs(&uvs), v: None, indices: Some(uv_indices) },
-            textured_faces,
-            ..MeshSource::default()
-        })
+        let source = source(&positions, Some(&[4, 2, 1, 4, 0, 4]), &indices, &uvs);
+        let uvs = UvSource { indices: Some(uv_indices), ..source.uvs };
+        Mesh::new(&MeshSource { uvs, textured_faces, ..source })
     };
     let mut without = indices;
     without[7..11].fill(NO);
@@ -181,15 +174,9 @@ fn uv_sets_have_tiles_of_their_own_one_set_after_the_other() {
     let second = UvSource { u: pairs(&uvs), v: None, indices: Some(&indices) };
     let flat = UvSource { u: pairs(&per_corner), v: None, indices: None };
     let (positions, _, first) = strip(3, [0.1, 0.1], 0.2);
-    let mesh = Mesh::new(&MeshSource {
-        positions: Strided::from_f32x3(&positions),
-        face_counts: Some(&[4; 3]),
-        indices: &indices,
-        uvs: UvSource { u: pairs(&first), v: None, indices: Some(&indices) },
-        uv_sets: &[second, flat, second],
-        ..MeshSource::default()
-    });
-    let mesh = mesh.unwrap();
+    let uv_sets = &[second, flat, second];
+    let source = source(&positions, Some(&[4; 3]), &indices, &first);
+    let mesh = Mesh::new(&MeshSource { uv_sets, ..source }).unwrap();
     let tiles: Vec<_> = mesh.tiles.iter().map(|t| (t.uv_set, t.udim, t.charts.len())).collect();
     assert_eq!(tiles, [(0, 1001, 1), (1, 1002, 1), (3, 1002, 1)]);
     assert_eq!((mesh.info.uv_sets, mesh.info.degenerate_triangles, mesh.info.charts), (4, 6, 3));
