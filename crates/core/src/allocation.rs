@@ -89,12 +89,7 @@ pub fn make_room_in<K: Eq + std::hash::Hash, V, S: std::hash::BuildHasher>(
     table: &mut std::collections::HashMap<K, V, S>,
     count: usize,
 ) {
-    let fallible = current::Fallible::enter();
-    let room = table.try_reserve(count);
-    drop(fallible);
-    if room.is_err() {
-        missing::<(K, V)>(table.len().saturating_add(count));
-    }
+    vec::make_room::<(K, V)>(table.len().saturating_add(count), || table.try_reserve(count));
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Control over a running call: its progress, a callback that reports it, and cancellation.
 
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 
 use crate::clock::Instant;
 use crate::error::Result;
@@ -148,7 +148,7 @@ impl Control {
         let _ = self.state.compare_exchange(DONE, GOING, Ordering::Relaxed, Ordering::Relaxed);
         self.done.store(0, Ordering::Relaxed);
         self.told.store(0, Ordering::Relaxed);
-        *self.stage() = None;
+        *lock(&self.stage) = None;
         Working::on(self)
     }
 
@@ -184,18 +184,14 @@ impl Control {
     /// Begins a stage with a fraction of the call's work and an expected duration. [`Control::end_stage`] adds the
     /// fraction when the stage is over.
     pub fn begin_stage(&self, fraction: f32, seconds: f32) {
-        *self.stage() = Some(Stage { start: Instant::now(), seconds: seconds.max(1e-6), fraction });
+        *lock(&self.stage) = Some(Stage { start: Instant::now(), seconds: seconds.max(1e-6), fraction });
     }
 
     /// Ends the stage and adds its fraction to the completed part.
     pub fn end_stage(&self, fraction: f32) {
-        let mut stage = self.stage();
+        let mut stage = lock(&self.stage);
         *stage = None;
         self.advance(fraction);
-    }
-
-    fn stage(&self) -> MutexGuard<'_, Option<Stage>> {
-        lock(&self.stage)
     }
 
     /// True if the call should go on. Called before each item of work; it calls the host's function when due.

@@ -141,12 +141,12 @@ impl Grid {
 
     /// Fraction of the covered rigid nodes that do not move.
     pub fn fixed(&self) -> f32 {
-        rigid_nodes::fixed_share(&self.rigid_nodes)
+        self.rigid_sum(|nodes| nodes.fixed) as f32 / self.rigid_sum(|nodes| nodes.rigid).max(1) as f32
     }
 
     /// The sum of a number over the squares with rigid nodes.
     pub fn rigid_sum(&self, of: fn(&RigidNodes) -> u16) -> u64 {
-        rigid_nodes::sum(&self.rigid_nodes, of)
+        self.rigid_nodes.iter().map(|nodes| u64::from(of(nodes))).sum()
     }
 
     /// True if another grid has the same blocks, so that the two differ in rigidity at most.

@@ -82,7 +82,8 @@ pub fn measure(
                 let length = distance(ends[a].rest, rest.at(under, at).into());
                 if length > 0.0 {
                     let strain = strain(distance(ends[a].before, posed.at(under, at).into()), length);
-                    edges.add_fixed(strain);
+                    edges.fixed += 1;
+                    edges.fixed_squares += strain * strain;
                     of_feature([strain; 2]);
                 }
                 continue;
@@ -154,11 +155,6 @@ impl Edges {
         self.before.push(before);
         self.after.push(after);
         self.place.push(place);
-    }
-
-    fn add_fixed(&mut self, strain: f64) {
-        self.fixed += 1;
-        self.fixed_squares += strain * strain;
     }
 
     fn report(mut self) -> StrainReport {

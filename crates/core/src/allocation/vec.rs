@@ -1,6 +1,6 @@
 //! An array that grows as that of the standard library does, but unwinds when memory is short.
 
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, TryReserveError};
 use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::ops::{Deref, DerefMut, RangeBounds};
@@ -53,24 +53,13 @@ impl<T> Vec<T> {
     #[cold]
     #[inline(never)]
     fn grow(&mut self, count: usize) {
-        let fallible = Fallible::enter();
-        let room = self.0.try_reserve(count);
-        drop(fallible);
-        if room.is_err() {
-            missing::<T>(self.0.len().saturating_add(count));
-        }
+        make_room::<T>(self.0.len().saturating_add(count), || self.0.try_reserve(count));
     }
 
     /// Makes room for exactly `count` more elements.
     pub fn reserve_exact(&mut self, count: usize) {
-        if self.0.capacity() - self.0.len() >= count {
-            return;
-        }
-        let fallible = Fallible::enter();
-        let room = self.0.try_reserve_exact(count);
-        drop(fallible);
-        if room.is_err() {
-            missing::<T>(self.0.len().saturating_add(count));
+        if self.0.capacity() - self.0.len() < count {
+            make_room::<T>(self.0.len().saturating_add(count), || self.0.try_reserve_exact(count));
         }
     }
 
@@ -140,10 +129,6 @@ impl<T> Vec<T> {
         self.0.remove(index)
     }
 
-    pub fn swap_remove(&mut self, index: usize) -> T {
-        self.0.swap_remove(index)
-    }
-
     pub fn drain(&mut self, range: impl RangeBounds<usize>) -> Drain<'_, T> {
         self.0.drain(range)
     }
@@ -161,10 +146,6 @@ impl<T> Vec<T> {
 
     pub fn dedup_by(&mut self, same: impl FnMut(&mut T, &mut T) -> bool) {
         self.0.dedup_by(same);
-    }
-
-    pub fn dedup_by_key<K: PartialEq>(&mut self, key: impl FnMut(&mut T) -> K) {
-        self.0.dedup_by_key(key);
     }
 }
 
@@ -325,6 +306,16 @@ impl<T> AsRef<[T]> for Vec<T> {
 impl<T: fmt::Debug> fmt::Debug for Vec<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
+    }
+}
+
+/// Lets a collection of `T` try to have room for `count` elements in all; unwinds if it cannot.
+pub(super) fn make_room<T>(count: usize, reserve: impl FnOnce() -> Result<(), TryReserveError>) {
+    let fallible = Fallible::enter();
+    let room = reserve();
+    drop(fallible);
+    if room.is_err() {
+        missing::<T>(count);
     }
 }
 

@@ -11,8 +11,7 @@ use super::rigid_levels::{self, Nodes};
 use super::survey::{Survey, SurveyLevel};
 use super::{Grid, Level, cover, coverage, density, labels, mirrors, rest};
 use crate::allocation::{Vec, vec, zeroed};
-use crate::grid::maps::MapsOfTile;
-use crate::grid::maps::TileMaps;
+use crate::grid::maps::{MapsOfTile, TileMaps};
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::{Mesh, NONE};
 use crate::team::Team;
@@ -67,38 +66,26 @@ impl Grid {
 /// gathered at the nodes of level 1.
 pub fn skeleton(survey: Survey) -> Grid {
     let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
-    let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
-    Grid { gather: Arc::new(gather), ..empty(survey, levels) }
+    let blocks = levels.get(1).map_or(0, |level| level.blocks.list.len());
+    let gather = Arc::new(Gather { starts: zeroed(blocks * NODES + 1), ..Gather::default() });
+    Grid { gather, ..empty(survey, levels) }
 }
 
 /// A surveyed tile's grid with these levels, without what its blocks hold besides.
 fn empty(survey: Survey, levels: Vec<Level>) -> Grid {
-    let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
-    let Survey {
-        coverer,
-        triangles,
-        movable,
-        levels: survey,
-        parts,
-        rigid,
-        squares,
-        rigid_nodes,
-        has_extra,
-        ..
-    } = survey;
     Grid {
         levels,
-        triangles: Arc::new(triangles),
-        chart_of: Arc::new(coverer.charts.into_owned().into()),
-        movable,
-        overlap,
-        at_gaps,
-        has_extra,
-        survey: Arc::new(survey),
-        parts: Arc::new(parts),
-        squares: Arc::new(squares),
-        rigid,
-        rigid_nodes,
+        overlap: survey.overlap(),
+        triangles: Arc::new(survey.triangles),
+        chart_of: Arc::new(survey.coverer.charts.into_owned().into()),
+        movable: survey.movable,
+        at_gaps: survey.counts.at_gaps,
+        has_extra: survey.has_extra,
+        survey: Arc::new(survey.levels),
+        parts: Arc::new(survey.parts),
+        squares: Arc::new(survey.squares),
+        rigid: survey.rigid,
+        rigid_nodes: survey.rigid_nodes,
         ..Grid::default()
     }
 }

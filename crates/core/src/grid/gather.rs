@@ -13,9 +13,9 @@ use crate::team::Team;
 #[derive(Debug, Default)]
 pub struct Gather {
     /// For each block and slot, the index of its first entry, followed by the number of entries.
-    starts: Vec<u32>,
+    pub(super) starts: Vec<u32>,
     /// Pairs (triangle, fraction).
-    entries: Vec<(u32, f32)>,
+    pub(super) entries: Vec<(u32, f32)>,
 }
 
 /// Side of a dual cell of level 1, in cells of level 0.
@@ -36,30 +36,15 @@ impl Gather {
         gather.starts.push(0);
         let mut coverage = Vec::with_capacity(blocks.len());
         for round in blocks.chunks(ROUND) {
-            for of_block in team.map(round.len(), |b| BlockGather::new(coverer, cells, &round[b])) {
+            for (ends, entries, covered) in team.map(round.len(), |b| of_block(coverer, cells, &round[b])) {
                 let first = gather.entries.len() as u32;
-                gather.starts.extend(of_block.ends.iter().map(|end| first + end));
-                gather.entries.extend(of_block.entries);
-                coverage.push(of_block.coverage);
+                gather.starts.extend(ends.iter().map(|end| first + end));
+                gather.entries.extend(entries);
+                coverage.push(covered);
             }
         }
         gather.entries.shrink_to_fit();
         (gather, coverage)
-    }
-
-    /// Reassembles a `Gather` from the arrays that `parts` returned.
-    pub(super) fn from_parts(starts: Vec<u32>, entries: Vec<(u32, f32)>) -> Gather {
-        Gather { starts, entries }
-    }
-
-    /// For each block and slot, the index of its first entry, followed by the number of entries; and the entries.
-    pub(super) fn parts(&self) -> (&[u32], &[(u32, f32)]) {
-        (&self.starts, &self.entries)
-    }
-
-    /// A `Gather` without entries.
-    pub(super) fn empty(blocks: usize) -> Gather {
-        Gather { starts: zeroed(blocks * NODES + 1), entries: Vec::new() }
     }
 
     /// The entries of several grids one after the other; `firsts` are the numbers of their first triangles.
@@ -110,49 +95,36 @@ impl Gather {
     }
 }
 
-/// The entries of one block.
-struct BlockGather {
-    /// Per slot, the index one past its last entry.
-    ends: Vec<u32>,
-    entries: Vec<(u32, f32)>,
-    coverage: Plane,
-}
-
-impl BlockGather {
-    fn new(coverer: &Coverer, size: [usize; 2], block: &Block) -> BlockGather {
-        let cells = DVec2::new(coverer.nx as f64, coverer.ny as f64);
-        // Triples (slot, triangle, area of the triangle in the node's dual cell).
-        let mut pieces: Vec<(u32, u32, f32)> = Vec::new();
-        for t in triangles(coverer, block) {
-            let corners = coverer.tile.triangles[t as usize].uv.map(|uv| uv * cells);
-            let fill = Fill::new(corners);
-            each_dual_cell(corners, block, size, |i, j| {
-                let low = DUAL_SIDE * DVec2::new(i as f64, j as f64) - 1.0;
-                let whole = fill.holds(low, low + DUAL_SIDE);
-                let area = if whole { DUAL_SIDE * DUAL_SIDE } else { area_in_box(corners, low) };
-                if area > 0.0 {
-                    pieces.push((slot(i % SIDE, j % SIDE) as u32, t, area as f32));
-                }
-            });
-        }
-        // A triangle has one piece per node.
-        pieces.sort_unstable_by_key(|piece| (piece.0, piece.1));
-        let mut found = BlockGather {
-            ends: Vec::with_capacity(NODES),
-            entries: Vec::with_capacity(pieces.len()),
-            coverage: [0.0; NODES],
-        };
-        let mut remaining = &pieces[..];
-        for (slot, coverage) in found.coverage.iter_mut().enumerate() {
-            let (of_node, others) = remaining.split_at(remaining.partition_point(|p| p.0 as usize == slot));
-            remaining = others;
-            let sum: f32 = of_node.iter().map(|p| p.2).sum();
-            *coverage = (sum / (DUAL_SIDE * DUAL_SIDE) as f32).min(1.0);
-            found.entries.extend(of_node.iter().map(|p| (p.1, p.2 / sum)));
-            found.ends.push(found.entries.len() as u32);
-        }
-        found
+/// Per slot of a block the index one past its last entry, the entries, and the coverage.
+fn of_block(coverer: &Coverer, size: [usize; 2], block: &Block) -> (Vec<u32>, Vec<(u32, f32)>, Plane) {
+    let cells = DVec2::new(coverer.nx as f64, coverer.ny as f64);
+    // Triples (slot, triangle, area of the triangle in the node's dual cell).
+    let mut pieces: Vec<(u32, u32, f32)> = Vec::new();
+    for t in triangles(coverer, block) {
+        let corners = coverer.tile.triangles[t as usize].uv.map(|uv| uv * cells);
+        let fill = Fill::new(corners);
+        each_dual_cell(corners, block, size, |i, j| {
+            let low = DUAL_SIDE * DVec2::new(i as f64, j as f64) - 1.0;
+            let whole = fill.holds(low, low + DUAL_SIDE);
+            let area = if whole { DUAL_SIDE * DUAL_SIDE } else { area_in_box(corners, low) };
+            if area > 0.0 {
+                pieces.push((slot(i % SIDE, j % SIDE) as u32, t, area as f32));
+            }
+        });
     }
+    // A triangle has one piece per node.
+    pieces.sort_unstable_by_key(|piece| (piece.0, piece.1));
+    let (mut ends, mut entries) = (Vec::with_capacity(NODES), Vec::with_capacity(pieces.len()));
+    let (mut coverage, mut remaining) = ([0.0; NODES], &pieces[..]);
+    for (slot, coverage) in coverage.iter_mut().enumerate() {
+        let (of_node, others) = remaining.split_at(remaining.partition_point(|p| p.0 as usize == slot));
+        remaining = others;
+        let sum: f32 = of_node.iter().map(|p| p.2).sum();
+        *coverage = (sum / (DUAL_SIDE * DUAL_SIDE) as f32).min(1.0);
+        entries.extend(of_node.iter().map(|p| (p.1, p.2 / sum)));
+        ends.push(entries.len() as u32);
+    }
+    (ends, entries, coverage)
 }
 
 /// The triangles of a block's chart that may meet its dual cells, ascending: the triangles of the four squares of level

@@ -15,8 +15,7 @@
 use super::codes::{decode_rigidity, encode_weight};
 use super::survey::SurveyLevel;
 use crate::allocation::{Plain, vec, zeroed_box};
-use crate::grid::planes::EDGES;
-use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::settings::TileSettings;
 use crate::team::{PerThread, Team};

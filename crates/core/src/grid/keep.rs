@@ -5,7 +5,6 @@ use super::blocks::Part;
 use super::node_set::{NodeSet, NodeWindow};
 use super::rigid_nodes::RigidNodes;
 use crate::allocation::Vec;
-use crate::grid::planes::SIDE;
 
 /// The rigid nodes of a chart in a square.
 #[derive(Clone, Copy, Debug)]
@@ -55,9 +54,7 @@ pub(super) fn fix(rigid: &[RigidPart], parts: &mut Vec<(Part, bool)>, squares: &
     for (part, _) in parts.iter_mut() {
         let Ok(k) = rigid.binary_search_by_key(&part.key(), |of| of.part.key()) else { continue };
         let taken = part.nodes.and(rigid[k].fixed);
-        for n in (0..SIDE * SIDE).filter(|n| taken.contains(n % SIDE, n / SIDE)) {
-            part.nodes.remove(n % SIDE, n / SIDE);
-        }
+        part.nodes = part.nodes.without(taken);
         let at = squares.binary_search_by_key(&[part.y, part.x], |of| [of.square[1], of.square[0]]);
         if let Ok(at) = at {
             let square = &mut squares[at];
@@ -70,6 +67,7 @@ pub(super) fn fix(rigid: &[RigidPart], parts: &mut Vec<(Part, bool)>, squares: &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::planes::SIDE;
 
     /// A spiral over four squares, one node of which is at a border, and a feature beside it.
     #[test]

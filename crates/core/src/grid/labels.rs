@@ -7,7 +7,7 @@ use super::planes::{EDGES, NODES, Plane, SIDE, node_at, slot};
 use super::window::{self, WINDOW_NODES, Window, place};
 use crate::allocation::{Vec, vec, zeroed};
 use crate::mesh::NONE;
-use crate::sets::root;
+use crate::sets::{grouped, root};
 use crate::team::Team;
 
 /// Most pieces of a block; the nodes of further ones are in no feature.
@@ -44,20 +44,8 @@ fn pieces(blocks: Vec<OfBlock>, count: usize) -> Pieces {
         }
     }
     pieces.first.push(pieces.feature.len() as u32);
-    pieces.first_of_feature = zeroed(count + 1);
-    for &feature in &pieces.feature {
-        pieces.first_of_feature[feature as usize + 1] += 1;
-    }
-    for n in 0..count {
-        pieces.first_of_feature[n + 1] += pieces.first_of_feature[n];
-    }
-    let mut next = pieces.first_of_feature.clone();
-    pieces.of_feature = zeroed(pieces.feature.len());
-    for (piece, &feature) in pieces.feature.iter().enumerate() {
-        let at = &mut next[feature as usize];
-        pieces.of_feature[*at as usize] = piece as u32;
-        *at += 1;
-    }
+    let with_feature = pieces.feature.iter().zip(0..).map(|(&feature, piece)| (feature as usize, piece));
+    (pieces.first_of_feature, pieces.of_feature) = grouped(count, with_feature);
     pieces
 }
 

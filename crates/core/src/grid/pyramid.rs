@@ -1,6 +1,7 @@
 //! Rigidity on all levels (method §3), in the blocks of a survey. It is stored at the nodes that are *relevant*, which
 //! are the movable nodes and their neighbours; edges between other nodes have no effect.
 
+use super::blocks::Blocks;
 use super::codes::{decode_rigidity, encode_rigidity};
 use super::node_set::{NodeSet, NodeWindow};
 use super::survey::SurveyLevel;
@@ -22,36 +23,28 @@ pub fn relevant(team: &Team, level: &SurveyLevel) -> Vec<NodeSet> {
     relevant
 }
 
-/// One level of the pyramid.
-pub struct Relevant<'a> {
-    pub level: &'a SurveyLevel,
-    /// The relevant nodes of each block.
-    pub relevant: &'a [NodeSet],
-}
-
-/// Rigidity of a block of the next coarser level: a 3x3 Gaussian (the paper's eq. 7) over the relevant finer nodes.
-/// `children` are the finer blocks of the block's quarters.
+/// Rigidity of a block of the next coarser level at its `relevant` nodes: a 3x3 Gaussian (the paper's eq. 7) over the
+/// relevant finer nodes. `children` are the finer blocks of the block's quarters.
 pub fn coarser_block(
-    finer: &Relevant,
+    finer: &Blocks,
+    relevant_finer: &[NodeSet],
     codes: &[Plane<u16>],
-    coarser: &Relevant,
     children: &[u32; 4],
-    b: usize,
+    relevant: NodeSet,
     out: &mut Plane<u16>,
 ) {
     *out = [0; NODES];
     let mut window = [0u16; WINDOW_NODES];
     let mut values = [0.0f32; WINDOW_NODES];
     for (quarter, &child) in children.iter().enumerate().filter(|(_, child)| **child != NONE) {
-        let blocks = &finer.level.blocks;
-        window::load(&blocks.neighbours[child as usize], 0, |b| &codes[b], &mut window);
+        window::load(&finer.neighbours[child as usize], 0, |b| &codes[b], &mut window);
         values.iter_mut().zip(&window).for_each(|(value, &code)| *value = decode_rigidity(code));
-        let relevant = blocks.window(finer.relevant, child as usize);
+        let relevant_here = finer.window(relevant_finer, child as usize);
         for j in 0..SIDE / 2 {
-            let means = gaussian(&values, &relevant, 2 * j + 1);
+            let means = gaussian(&values, &relevant_here, 2 * j + 1);
             for (i, mean) in means.into_iter().enumerate() {
                 let (x, y) = (i + quarter % 2 * 8, j + quarter / 2 * 8);
-                if coarser.relevant[b].contains(x, y) {
+                if relevant.contains(x, y) {
                     out[slot(x, y)] = encode_rigidity(mean);
                 }
             }

@@ -12,8 +12,7 @@ use super::metric::{restrict_block, restrict_coverage};
 use super::window::{self, WINDOW_NODES, place};
 use super::{FLOOR_FRACTION, Grid, Level};
 use crate::allocation::{Vec, boxed, vec, zeroed};
-use crate::grid::planes::EDGES;
-use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::team::{PerThread, Team};
@@ -29,8 +28,8 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
         // An edge of level k is 2^k times as long.
         level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collect();
     }
-    let lengths = store(team, &grid.levels[0], |b, scratch| chords.block(grid, b, scratch));
-    set(&mut grid.levels[0], lengths);
+    let (codes, lengths) = store(team, &grid.levels[0], |b, scratch| chords.block(grid, b, scratch));
+    (grid.levels[0].rest_length, grid.levels[0].lengths) = (codes, lengths);
     let triangle = grid.pose_triangles(tile, &grid.rest);
     let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collect();
     drop(triangle);
@@ -51,19 +50,14 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
         });
         metrics = next;
         let neighbours = &level.blocks.neighbours;
-        let lengths = store(team, level, |b, scratch| {
+        (level.rest_length, level.lengths) = store(team, level, |b, scratch| {
             arc_lengths(&neighbours[b], &metrics, &mut scratch.lengths);
         });
-        set(level, lengths);
     }
 }
 
 /// A level's rest lengths: the codes of each block, and the codings of each chart.
-type Stored = (Vec<[Plane<u16>; 4]>, Vec<[Lengths; 4]>);
-
-fn set(level: &mut Level, (codes, lengths): Stored) {
-    (level.rest_length, level.lengths) = (Arc::new(codes), lengths);
-}
+type Stored = (Arc<Vec<[Plane<u16>; 4]>>, Vec<[Lengths; 4]>);
 
 /// Memory of a thread that computes a block's lengths, on the heap because the stack of a host's thread may be
 /// small.
@@ -114,15 +108,12 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut Scratch) + Syn
             }
         });
     });
-    (codes, coding)
+    (Arc::new(codes), coding)
 }
 
 /// Rest lengths of a block's edges on a coarser level.
 fn arc_lengths(neighbours: &[u32; 9], metrics: &[[Plane; 3]], out: &mut [Plane; 4]) {
-    let mut windows = [[0.0f32; WINDOW_NODES]; 3];
-    for (c, window) in windows.iter_mut().enumerate() {
-        window::load(neighbours, 0.0, |b| &metrics[b][c], window);
-    }
+    let windows: [_; 3] = window::planes(neighbours, |b, c| &metrics[b][c]);
     let metric = |at: usize| [windows[0][at], windows[1][at], windows[2][at]];
     edges(out, |i, j, e| {
         let (di, dj) = EDGES[e];

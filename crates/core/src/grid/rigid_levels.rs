@@ -5,7 +5,7 @@ use super::Level;
 use super::blocks::Block;
 use super::codes::encode_rigidity;
 use super::interpolation::{self, MARGIN, PATCH, Source, StiffnessPlanes};
-use super::pyramid::{self, Relevant};
+use super::pyramid;
 use super::rigidity::NodeRigidity;
 use super::square_nodes::RigidSets;
 use super::survey::SurveyLevel;
@@ -157,18 +157,15 @@ fn coarser_rigidity(team: &Team, survey: &[SurveyLevel], levels: &mut [Level], m
     for k in 1..levels.len() {
         nodes = nodes.grown(1).coarser();
         let relevant_coarser = pyramid::relevant(team, &survey[k]);
-        let (of_finer, of_coarser) = (
-            Relevant { level: &survey[k - 1], relevant: &relevant },
-            Relevant { level: &survey[k], relevant: &relevant_coarser },
-        );
         let (finer, level) = levels.split_at_mut(k);
         let (finer, level) = (&finer[k - 1], &mut level[0]);
         let list = &survey[k].blocks.list;
         let blocks = level.rigidity.iter_mut().enumerate();
         let mut blocks: Vec<_> = blocks.filter(|(b, _)| nodes.meet([list[*b].x, list[*b].y], SIDE)).collect();
-        let children = &level.children;
+        let (children, codes_finer) = (&level.children, &finer.rigidity);
         team.fill(&mut blocks, |_, (b, codes)| {
-            pyramid::coarser_block(&of_finer, &finer.rigidity, &of_coarser, &children[*b], *b, codes);
+            let (children, here) = (&children[*b], relevant_coarser[*b]);
+            pyramid::coarser_block(&survey[k - 1].blocks, &relevant, codes_finer, children, here, codes);
         });
         relevant = relevant_coarser;
     }

@@ -17,16 +17,6 @@ pub struct RigidNodes {
     pub overlapped: u16,
 }
 
-/// The fraction of the rigid nodes that are fixed.
-pub(super) fn fixed_share(squares: &[RigidNodes]) -> f32 {
-    sum(squares, |square| square.fixed) as f32 / sum(squares, |square| square.rigid).max(1) as f32
-}
-
-/// The sum of a number over squares.
-pub(super) fn sum(squares: &[RigidNodes], of: fn(&RigidNodes) -> u16) -> u64 {
-    squares.iter().map(|square| u64::from(of(square))).sum()
-}
-
 /// The rigid nodes of squares, those of all layers together. `sets` has an entry per square.
 pub(super) fn rigid_nodes(squares: &[SquareNodes], sets: &[RigidSets]) -> Vec<RigidNodes> {
     let covered = squares.iter().zip(sets).filter(|(square, _)| !square.covered.is_empty());

@@ -117,11 +117,6 @@ impl Map {
         }
     }
 
-    /// Texels along u and v.
-    pub(super) fn size(&self) -> [usize; 2] {
-        [self.width, self.height]
-    }
-
     /// The largest value near the tile's charts, not clamped.
     pub fn largest(&self) -> f32 {
         match self.format {
@@ -203,7 +198,7 @@ pub fn free_nodes(
     if count.contains(&0) {
         return;
     }
-    let texels = |axis: usize, k: usize| span(mask.size()[axis], cells[axis], (first[axis] + k) as f64);
+    let texels = |axis: usize, k: usize| span(mask.shape().0[axis], cells[axis], (first[axis] + k) as f64);
     let columns = texels(0, 0).start..texels(0, count[0] - 1).end;
     let mut line = Line::new(columns.len(), true);
     let line = line.all();

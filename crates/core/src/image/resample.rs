@@ -45,7 +45,7 @@ impl Axis {
 
 impl<'a> Resampled<'a> {
     pub fn new(map: &'a Map, cells: [usize; 2]) -> Resampled<'a> {
-        Resampled { map, axes: [0, 1].map(|axis| Axis::new(map.size()[axis], cells[axis])) }
+        Resampled { map, axes: [0, 1].map(|axis| Axis::new(map.shape().0[axis], cells[axis])) }
     }
 
     /// Calls `put(i, j, value)` for first[0]..first[0] + count[0] along u, and likewise along v; (i, j) are counted
@@ -83,7 +83,7 @@ impl<'a> Resampled<'a> {
 
 /// A map's value at a point, as at a node of a grid that lies there.
 pub fn at_point(map: &Map, cells: [usize; 2], uv: [f64; 2]) -> f32 {
-    let taps = |axis: usize| Taps::new(map.size()[axis], cells[axis], uv[axis] * cells[axis] as f64);
+    let taps = |axis: usize| Taps::new(map.shape().0[axis], cells[axis], uv[axis] * cells[axis] as f64);
     let (columns, rows) = (taps(0), taps(1));
     let mut sum = 0.0;
     for (y, of_row) in rows.each() {

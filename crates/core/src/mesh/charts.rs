@@ -26,8 +26,8 @@ pub(super) fn build(
 ) -> (TileMesh, Vec<u32>) {
     let (neighbours, welds) = neighbours(raw, numbers, seams);
     let tile = TileMesh { udim, ..assemble(&neighbours, |t| (raw[t].vertices, raw[t].uv)) };
-    let gaps = gaps::find(&tile, raw, numbers, given, &neighbours);
-    (TileMesh { welds, ..with_cuts(tile, gaps.outlines) }, gaps.corners)
+    let (outlines, corners) = gaps::find(&tile, raw, numbers, given, &neighbours);
+    (TileMesh { welds, ..with_cuts(tile, outlines) }, corners)
 }
 
 impl TileMesh {
@@ -49,61 +49,49 @@ impl TileMesh {
     /// The same tile with charts that also end at the `torn` ones of its `welds`. Triangles keep their numbers in
     /// `chart_of`.
     pub fn cut(&self, torn: &[u32]) -> TileMesh {
-        let order = order(&self.chart_of);
-        let mut neighbours = vec![[NONE; 3]; order.len()];
-        for (triangle, &t) in self.triangles.iter().zip(&order) {
-            neighbours[t as usize] =
-                triangle.neighbours.map(|n| if n == NONE { NONE } else { order[n as usize] });
-        }
-        for &weld in torn {
-            for (t, k) in self.welds[weld as usize].sides {
-                neighbours[t as usize][k as usize] = NONE;
-            }
-        }
-        let new_index = inverse(&order);
-        let tile = assemble(&neighbours, |t| {
-            let triangle = &self.triangles[new_index[t] as usize];
-            let vertices = &self.charts[self.chart_of[t] as usize].vertices;
-            (triangle.local.map(|v| vertices[v as usize]), triangle.uv)
-        });
-        let cut = |cut: &Cut| Cut { triangle: order[cut.triangle as usize], ..*cut };
-        let tile = with_cuts(tile, self.cuts.iter().map(cut).collect());
-        TileMesh { udim: self.udim, uv_set: self.uv_set, layer: self.layer, ..tile }
+        let all: Vec<u32> = (0..self.chart_of.len() as u32).collect();
+        self.part(&all, &all, torn)
     }
 
     /// A layer of the tile: the triangles for which `layers` has its number, numbered anew in their order. A chart has
     /// its triangles in one layer.
     pub fn of_layer(&self, layers: &[u32], layer: u32) -> TileMesh {
-        let order = order(&self.chart_of);
-        let new_index = inverse(&order);
-        let mut numbers = vec![NONE; order.len()];
-        let of_layer: Vec<u32> = (0..order.len() as u32).filter(|&t| layers[t as usize] == layer).collect();
+        let count = self.chart_of.len() as u32;
+        let of_layer: Vec<u32> = (0..count).filter(|&t| layers[t as usize] == layer).collect();
+        let mut numbers = vec![NONE; count as usize];
         for (number, &t) in of_layer.iter().enumerate() {
             numbers[t as usize] = number as u32;
         }
-        let triangle = |t: u32| &self.triangles[new_index[t as usize] as usize];
-        let neighbours: Vec<[u32; 3]> = of_layer
-            .iter()
-            .map(|&t| {
-                let of = |n: u32| if n == NONE { NONE } else { numbers[order[n as usize] as usize] };
-                triangle(t).neighbours.map(of)
-            })
-            .collect();
-        let tile = assemble(&neighbours, |number| {
-            let t = of_layer[number];
-            let vertices = &self.charts[self.chart_of[t as usize] as usize].vertices;
-            (triangle(t).local.map(|v| vertices[v as usize]), triangle(t).uv)
-        });
-        let cut = |cut: &Cut| Cut { triangle: numbers[order[cut.triangle as usize] as usize], ..*cut };
-        let cuts = self.cuts.iter().map(cut).filter(|cut| cut.triangle != NONE).collect();
-        let tile = with_cuts(tile, cuts);
+        let tile = self.part(&of_layer, &numbers, &[]);
         let of_layer = |weld: &&WeldedEdge| layers[weld.sides[0].0 as usize] == layer;
         let renumbered = |weld: &WeldedEdge| WeldedEdge {
             sides: weld.sides.map(|(t, k)| (numbers[t as usize], k)),
             ends: weld.ends,
         };
         let welds = self.welds.iter().filter(of_layer).map(renumbered).collect();
-        TileMesh { udim: self.udim, uv_set: self.uv_set, layer, welds, ..tile }
+        TileMesh { layer, welds, ..tile }
+    }
+
+    /// The tile of the triangles `kept`, with charts that also end at the `torn` welds, and without welds. `numbers`
+    /// has the new number of each triangle, or `NONE`.
+    fn part(&self, kept: &[u32], numbers: &[u32], torn: &[u32]) -> TileMesh {
+        let order = order(&self.chart_of);
+        let new_index = inverse(&order);
+        let triangle = |t: u32| &self.triangles[new_index[t as usize] as usize];
+        let renumbered = |n: u32| if n == NONE { NONE } else { numbers[order[n as usize] as usize] };
+        let mut neighbours: Vec<[u32; 3]> =
+            kept.iter().map(|&t| triangle(t).neighbours.map(renumbered)).collect();
+        for (t, k) in torn.iter().flat_map(|&weld| self.welds[weld as usize].sides) {
+            neighbours[numbers[t as usize] as usize][k as usize] = NONE;
+        }
+        let tile = assemble(&neighbours, |number| {
+            let t = kept[number];
+            let vertices = &self.charts[self.chart_of[t as usize] as usize].vertices;
+            (triangle(t).local.map(|v| vertices[v as usize]), triangle(t).uv)
+        });
+        let cut = |cut: &Cut| Cut { triangle: renumbered(cut.triangle), ..*cut };
+        let cuts = self.cuts.iter().map(cut).filter(|cut| cut.triangle != NONE).collect();
+        TileMesh { udim: self.udim, uv_set: self.uv_set, layer: self.layer, ..with_cuts(tile, cuts) }
     }
 }
 

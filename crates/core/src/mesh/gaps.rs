@@ -20,30 +20,22 @@ const NOISY_SHARE: f64 = 0.6;
 /// The UV that the host gave a face corner.
 pub(super) type Given<'a> = dyn Fn(usize) -> Option<[f32; 2]> + 'a;
 
-/// The gaps of a tile.
-#[derive(Default)]
-pub(super) struct Gaps {
-    /// The sides that the host gave where they are apart from those across, or from the border that welding made of
-    /// them, and what joins the ends of both. Triangles have the numbers of `raw`.
-    pub outlines: Vec<Cut>,
-    /// The numbers of the UV corners on them, ascending.
-    pub corners: Vec<u32>,
-}
-
-/// Finds the gaps of a tile with charts, but without cuts.
+/// Finds the gaps of a tile with charts, but without cuts. Returns their outlines, which are the sides that the host
+/// gave where they are apart from those across, or from the border that welding made of them, and what joins the ends
+/// of both; triangles have the numbers of `raw`. Also returns the numbers of the UV corners on them, ascending.
 pub(super) fn find(
     tile: &TileMesh,
     raw: &[RawTriangle],
     numbers: &[[u32; 3]],
     given: &Given,
     neighbours: &[[u32; 3]],
-) -> Gaps {
+) -> (Vec<Cut>, Vec<u32>) {
     let origin = tile.origin();
     let of_host =
         |corner: u32| DVec2::from(given(corner as usize).unwrap_or_default().map(f64::from)) - origin;
     let is_moved = |triangle: &RawTriangle| (0..3).any(|k| of_host(triangle.corners[k]) != triangle.uv[k]);
     if !raw.iter().any(is_moved) {
-        return Gaps::default();
+        return Default::default();
     }
     // Per chart: the edges between faces, and those of them that are apart. Each edge inside is seen from both sides.
     let mut edges: Vec<[u32; 2]> = zeroed(tile.charts.len());
@@ -74,20 +66,20 @@ pub(super) fn find(
             }
         }
     }
-    let mut gaps = Gaps::default();
+    let (mut outlines, mut on_gaps) = (Vec::new(), Vec::new());
     let is_noisy = |[inside, apart]: [u32; 2]| f64::from(apart) > NOISY_SHARE * f64::from(inside);
     for (triangle, chart, corners, [here, there]) in found {
         if is_noisy(edges[chart]) || !corners.iter().any(|&corner| joined[corner as usize]) {
             continue;
         }
-        gaps.corners.extend(corners);
+        on_gaps.extend(corners);
         let sides = [here, there, [here[0], there[0]], [here[1], there[1]]];
         let cut = |uv| Cut { triangle, uv, is_gap: true };
-        gaps.outlines.extend(sides.into_iter().filter(|[a, b]| a != b).map(cut));
+        outlines.extend(sides.into_iter().filter(|[a, b]| a != b).map(cut));
     }
-    gaps.corners.sort_unstable();
-    gaps.corners.dedup();
-    gaps
+    on_gaps.sort_unstable();
+    on_gaps.dedup();
+    (outlines, on_gaps)
 }
 
 /// True if two UVs differ as much as UVs at a gap, and by more than one step of half floats, if they are such.

@@ -6,6 +6,7 @@ use glam::DVec2;
 use super::overlaps::{Overlaps, overlap};
 use super::{NONE, RawTriangle, TileMesh};
 use crate::allocation::{Vec, vec, zeroed};
+use crate::sets::root;
 
 /// Charts that lie over one another nowhere deeper than this, in UV, are neighbours: a quarter of a texel of a map of
 /// 1024. What they share is then part of their borders, which do not move.
@@ -34,12 +35,6 @@ pub(super) fn layers(tile: &TileMesh, raw: &[RawTriangle], most: u32) -> Vec<u32
 /// For each chart, the first chart of those that have faces in common with it.
 fn groups(tile: &TileMesh, raw: &[RawTriangle]) -> Vec<u32> {
     let mut first: Vec<u32> = (0..tile.charts.len() as u32).collect();
-    let root = |first: &[u32], mut chart: u32| {
-        while first[chart as usize] != chart {
-            chart = first[chart as usize];
-        }
-        chart
-    };
     let corners =
         raw.iter().flat_map(|triangle| triangle.corners).max().map_or(0, |corner| corner as usize + 1);
     let mut chart_at = vec![NONE; corners];
@@ -47,12 +42,12 @@ fn groups(tile: &TileMesh, raw: &[RawTriangle]) -> Vec<u32> {
         for corner in triangle.corners {
             let before = std::mem::replace(&mut chart_at[corner as usize], chart);
             if before != NONE && before != chart {
-                let [a, b] = [before, chart].map(|chart| root(&first, chart));
+                let [a, b] = [before, chart].map(|chart| root(&mut first, chart));
                 first[a.max(b) as usize] = a.min(b);
             }
         }
     }
-    (0..first.len() as u32).map(|chart| root(&first, chart)).collect()
+    (0..tile.charts.len() as u32).map(|chart| root(&mut first, chart)).collect()
 }
 
 /// The triangles of a tile, and the borders of its charts.

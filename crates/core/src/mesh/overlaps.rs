@@ -2,7 +2,8 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Vec, zeroed};
+use crate::allocation::Vec;
+use crate::sets::grouped;
 
 /// Triangles that overlap by less than this, in UV, count as neighbours.
 const SLACK: f64 = 1e-9;
@@ -42,20 +43,10 @@ impl Overlaps {
         }
         let (bins, scale) = (bins as usize, bins / extent);
         let mut overlaps = Overlaps { triangles, bins, low, scale, starts: Vec::new(), entries: Vec::new() };
-        let mut counts: Vec<u32> = zeroed(bins * bins + 1);
-        for triangle in &overlaps.triangles {
-            overlaps.bins_of(*triangle).for_each(|bin| counts[bin + 1] += 1);
-        }
-        (0..bins * bins).for_each(|bin| counts[bin + 1] += counts[bin]);
-        let mut next: Vec<u32> = counts.iter().copied().collect();
-        let mut entries: Vec<u32> = zeroed(counts[bins * bins] as usize);
-        for (t, triangle) in overlaps.triangles.iter().enumerate() {
-            for bin in overlaps.bins_of(*triangle) {
-                entries[next[bin] as usize] = t as u32;
-                next[bin] += 1;
-            }
-        }
-        (overlaps.starts, overlaps.entries) = (counts, entries);
+        let in_bins =
+            |(triangle, t): (&[DVec2; 3], u32)| overlaps.bins_of(*triangle).map(move |bin| (bin, t));
+        (overlaps.starts, overlaps.entries) =
+            grouped(bins * bins, overlaps.triangles.iter().zip(0..).flat_map(in_bins));
         overlaps
     }
 
@@ -71,7 +62,7 @@ impl Overlaps {
     }
 
     /// The bins that a triangle's bounding box meets.
-    fn bins_of(&self, [a, b, c]: [DVec2; 3]) -> impl Iterator<Item = usize> + use<> {
+    fn bins_of(&self, [a, b, c]: [DVec2; 3]) -> impl Iterator<Item = usize> + Clone + use<> {
         let (bins, last) = (self.bins, (self.bins - 1) as f64);
         let bin = |p: DVec2| ((p - self.low) * self.scale).floor().clamp(DVec2::ZERO, DVec2::splat(last));
         let (from, to) = (bin(a.min(b).min(c)), bin(a.max(b).max(c)));

@@ -74,17 +74,12 @@ pub(super) fn places(
 }
 
 /// Items, by the cells in which they lie.
+#[derive(Default)]
 struct Cells<K> {
     /// The last item of each cell, as its index in `items`.
     last: Table<K, u32>,
     /// Each item, and the index of the previous item in its cell, or `NONE`.
     items: Vec<(u32, u32)>,
-}
-
-impl<K> Default for Cells<K> {
-    fn default() -> Self {
-        Cells { last: Table::default(), items: Vec::new() }
-    }
 }
 
 impl<K: Eq + Hash> Cells<K> {

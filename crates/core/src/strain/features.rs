@@ -7,6 +7,7 @@ use crate::allocation::{Vec, vec};
 use crate::grid::coverage::NodeMaps;
 use crate::mesh::NONE;
 use crate::report::{StrainReport, WorstFeature, report};
+use crate::sets::root;
 
 /// Rigid nodes have more than this share of the tile's largest rigidity.
 const RIGID: f32 = 0.5;
@@ -64,17 +65,8 @@ impl Features {
         let Sums { edges, squares } = &mut self.sums[a];
         *edges += 1;
         squares.iter_mut().zip(strain).for_each(|(sum, strain)| *sum += strain * strain);
-        let [a, b] = [a, b].map(|node| self.root(node));
-        self.parents[a.max(b)] = a.min(b) as u32;
-    }
-
-    /// The first node of a feature.
-    fn root(&mut self, mut node: usize) -> usize {
-        while self.parents[node] as usize != node {
-            self.parents[node] = self.parents[self.parents[node] as usize];
-            node = self.parents[node] as usize;
-        }
-        node
+        let [a, b] = [a, b].map(|node| root(&mut self.parents, node as u32));
+        self.parents[a.max(b) as usize] = a.min(b);
     }
 
     /// Adds the features to the report. `origin` is the tile's lower corner.
@@ -84,7 +76,7 @@ impl Features {
         // A feature's first node comes first, and names the feature to the others.
         let mut numbers = vec![0u32; self.sums.len()];
         for n in 0..self.sums.len() {
-            let (root, own) = (self.root(n), self.sums[n]);
+            let (root, own) = (root(&mut self.parents, n as u32) as usize, self.sums[n]);
             if root == n {
                 if own.edges == 0 {
                     continue;

@@ -49,12 +49,7 @@ pub fn grid(
         "sizes",
     )?;
     let (heads, nodes) = (from.all(part_count)?, from.all(part_count)?);
-    let part = |([chart, x, y, _], nodes): (&[u32; 4], &_)| Part {
-        chart: *chart,
-        x: *x,
-        y: *y,
-        nodes: NodeSet(*nodes),
-    };
+    let part = |(&[chart, x, y, _], &nodes): (&[u32; 4], &_)| Part { chart, x, y, nodes: NodeSet(nodes) };
     let parts: Vec<_> = heads.iter().zip(&nodes).map(part).collect();
     check(heads.iter().all(|head| head[3] <= 1) && are_parts(&parts, cells, charts), "nodes")?;
     let rigid: Vec<_> = heads.iter().map(|head| head[3] == 1).collect();
@@ -206,5 +201,5 @@ fn gather(from: &mut Reader, blocks: usize, triangles: usize) -> Result<Gather> 
         entries.iter().map(|&[t, fraction]| (t, f32::from_bits(fraction))).collect();
     let is_entry = |(t, fraction): &(u32, f32)| (*t as usize) < triangles && (0.0..=1.0).contains(fraction);
     check(entries.iter().all(is_entry), "entries")?;
-    Ok(Gather::from_parts(starts, entries))
+    Ok(Gather { starts, entries })
 }

@@ -30,7 +30,6 @@ pub fn write(grid: &Grid, to: &mut Writer) {
         to.all(level.density.iter().copied());
     }
     to.all(grid.triangle.iter().copied());
-    let (starts, entries) = grid.gather.parts();
-    to.all(starts.iter().copied());
-    to.all(entries.iter().map(|(t, fraction)| [*t, fraction.to_bits()]));
+    to.all(grid.gather.starts.iter().copied());
+    to.all(grid.gather.entries.iter().map(|(t, fraction)| [*t, fraction.to_bits()]));
 }
