@@ -100,12 +100,8 @@ def _cargo() -> Path:
             "already in the variable VRTM_LIBRARY"
         )
     command = [cargo, "build", "--package", "vrtm-c", "--message-format", "json-render-diagnostics"]
-    command += [
-        "--profile",
-        os.environ.get("VRTM_CARGO_PROFILE", "dist"),
-        "--manifest-path",
-        str(PROJECT / "Cargo.toml"),
-    ]
+    profile = os.environ.get("VRTM_CARGO_PROFILE", "dist")
+    command += ["--profile", profile, "--manifest-path", str(PROJECT / "Cargo.toml")]
     if os.environ.get("VRTM_GPU") == "OFF":
         command.append("--no-default-features")
     result = subprocess.run(command, stdout=subprocess.PIPE, check=False)

@@ -7,7 +7,9 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
 from usd_validators import check_layer
-from vrtm.bake.layer import LayerPlan, corner_uv_layer, export, values_hash, write_layer
+from vrtm.bake.layer.clips import corner_uv_layer, export, values_hash
+from vrtm.bake.layer.plan import LayerPlan
+from vrtm.bake.layer.write import write_layer
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 
 FRAMES = (1, 2, 4)

@@ -12,8 +12,8 @@ from pxr import Sdf, Usd
 import scenes
 from bake_scenes import image
 from vrtm.bake import frames, image_file, report, staging, warped
-from vrtm.bake.failure import INPUT, Failure, describe
-from vrtm.bake.layer import export
+from vrtm.bake.failure import Failure
+from vrtm.bake.layer.clips import export
 from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene, SceneError
 from vrtm.bake.scene.images import read_map, said
@@ -174,14 +174,6 @@ def test_pipes_and_devices_are_no_files(tmp_path: Path, read: Callable) -> None:
     for path in (str(tmp_path / "pipe"), "/dev/zero"):
         with pytest.raises(SceneError, match=f"{path}: is no file"):
             read(path)
-
-
-@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
-def test_images_whose_names_are_no_text(read: Callable) -> None:
-    with pytest.raises(UnicodeEncodeError) as caught:
-        read("a\udcff.png")
-    failure = describe(caught.value)
-    assert failure.code == INPUT and "no UTF-8" in failure.message
 
 
 def test_a_library_may_fail_anywhere_in_a_damaged_file(stage: Usd.Stage, monkeypatch: pytest.MonkeyPatch) -> None:

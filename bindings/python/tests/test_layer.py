@@ -1,8 +1,5 @@
 """Layers over shots: what a renderer would resolve, and what USD's validators say."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +7,9 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
-from shots import FRAMES, bake, bound, checked, corner_uvs, over, shot, texture, varname
-from vrtm.bake.layer import LayerError, LayerPlan, corner_uv_layer, write_layer
+from shots import FRAMES, bound, checked, corner_uvs, over, shot, texture, varname
+from vrtm.bake.layer.plan import LayerPlan
+from vrtm.bake.layer.write import write_layer
 from vrtm.bake.scene import Scene, SceneOptions
 
 
@@ -100,68 +98,3 @@ def test_variants_are_those_that_were_baked(stage: Usd.Stage, tmp_path: Path) ->
     final, warnings = over(stage, ("big",), options)
     assert warnings == [] and checked(tmp_path, options=options) == []
     assert varname(texture(bound(final, "/world/big"))) == "st_redirected"
-
-
-def test_time_codes_are_the_shots(stage: Usd.Stage, tmp_path: Path) -> None:
-    stage.SetTimeCodesPerSecond(48)
-    primvar = redirected(over(stage)[0])
-    assert primvar.GetAttr().GetTimeSamples() == [1, 2, 4]
-    assert np.array(primvar.Get(4)) == pytest.approx(corner_uvs(Scene(tmp_path / "shot.usda").shape("one"), 4))
-
-
-def test_baking_again_over_a_shot_that_has_the_layer(stage: Usd.Stage, tmp_path: Path) -> None:
-    over(stage)
-    scene = Scene(tmp_path / "final.usda")
-    assert scene.shape("one").uv_name == "st"
-    path, _ = bake(tmp_path, scene)
-    layer = Sdf.Layer.FindOrOpen(str(path))
-    assert [spec.name for spec in layer.GetPrimAtPath("/world/looks").nameChildren] == ["skin_one_redirected"]
-
-
-def test_corner_uvs_of_a_refined_mesh_are_those_of_its_cage(stage: Usd.Stage, tmp_path: Path) -> None:
-    UsdGeom.Mesh(stage.GetPrimAtPath("/world/one")).CreateSubdivisionSchemeAttr("catmullClark")
-    found = np.array(redirected(over(stage, options=SceneOptions(subdivide=2))[0]).Get(1))
-    cage = Scene(tmp_path / "shot.usda").shape("one")
-    shape = Scene(tmp_path / "shot.usda", SceneOptions(subdivide=2)).shape("one")
-    assert len(shape.indices) == 128 and found == pytest.approx(corner_uvs(shape, 1)[shape.cage_corners])
-    assert found == pytest.approx(cage.uvs[cage.uv_indices], abs=0.3), "the same corners"
-    with pytest.raises(ValueError, match=r"uvs: the shape \(3, 2\) is not \(128, 2\)"):
-        corner_uv_layer(shape, 1, np.zeros((3, 2)))
-
-
-def test_bytes_do_not_depend_on_the_run(tmp_path: Path) -> None:
-    script = f"""
-import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})
-from pathlib import Path; import shots; from vrtm.bake.scene import Scene
-shots.shot(Path(sys.argv[1])).Save()
-shots.bake(Path(sys.argv[1]), Scene(sys.argv[1] + "/shot.usda"), ("one", "two"))
-"""
-    for number in range(2):
-        (tmp_path / str(number)).mkdir()
-        environment = os.environ | {
-            "PYTHONHASHSEED": str(number),
-            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-        }
-        subprocess.run([sys.executable, "-c", script, tmp_path / str(number)], check=True, env=environment)
-    files = [path.relative_to(tmp_path / "0") for path in sorted((tmp_path / "0").rglob("*")) if path.is_file()]
-    assert {"over.usda", "over.manifest.usda", "st/one.1.usdc"} <= {str(file) for file in files}
-    for file in files:
-        assert (tmp_path / "0" / file).read_bytes() == (tmp_path / "1" / file).read_bytes(), file
-
-
-def test_validators_notice_a_missing_file_and_a_wrong_type(stage: Usd.Stage, tmp_path: Path) -> None:
-    over(stage)
-    (tmp_path / "st/one.2.usdc").unlink()
-    assert any("one.2.usdc" in found for found in checked(tmp_path))
-    over(stage)
-    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "over.usda"))
-    Sdf.RelationshipSpec(layer.GetPrimAtPath("/world/looks/skin_one_redirected"), "outputs:surface")
-    image = Sdf.CreatePrimInLayer(layer, "/world/looks/skin_one_redirected/colour")
-    Sdf.AttributeSpec(image, "inputs:st", scenes.TYPES.Float3)
-    layer.Save()
-    assert any("skin_one_redirected" in found for found in checked(tmp_path))
-
-
-def test_wrong_plans(stage: Usd.Stage) -> None:
-    with pytest.raises(LayerError, match="cannot serve one, whose tiles are"):
-        over(stage, corners=False, form="tile", tiles={"one": (1001, 1002)})

@@ -10,7 +10,8 @@ from pxr import Sdf, Usd, UsdGeom
 import scenes
 from shots import write_corner_uvs
 from vrtm.bake import arguments, parsing
-from vrtm.bake.layer import LayerPlan, write_layer
+from vrtm.bake.layer.plan import LayerPlan
+from vrtm.bake.layer.write import write_layer
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, timing
 
 FILE = SceneOptions(fps="file")

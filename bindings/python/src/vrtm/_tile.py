@@ -210,13 +210,7 @@ class Tile:
         one that lies beyond the seam on the surface. All other texels have their own UV. A fourth channel is 1 in
         charts and where a source was found. Depends on the mesh alone: no solve is needed."""
         target = Target(
-            Pinned(),
-            "redirection_udim",
-            image_size(size),
-            dtype=np.float32,
-            channels=channels,
-            origin=origin,
-            out=out,
+            Pinned(), "redirection_udim", image_size(size), dtype=np.float32, channels=channels, origin=origin, out=out
         )
         check(library.vrtm_tile_fetch_dilation(self._handle, reach, ctypes.byref(target.struct)))
         return target.done()

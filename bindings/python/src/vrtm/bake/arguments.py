@@ -9,17 +9,7 @@ from typing import Any
 
 from vrtm._records import about_settings
 from vrtm.bake import frames
-from vrtm.bake.parsing import (
-    LARGEST,
-    WELDS,
-    either,
-    listed,
-    normal_maps,
-    not_negative,
-    option,
-    positive,
-    whole,
-)
+from vrtm.bake.parsing import LARGEST, WELDS, either, listed, normal_maps, not_negative, option, positive, whole
 from vrtm.bake.scene import SceneOptions
 from vrtm.bake.scene.timing import FILE
 from vrtm.bake.settings import AUTO, CONNECTED, EACH, NUMBERS, OVERLAP, Settings
@@ -33,6 +23,7 @@ EPILOG = """\
 exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain, --max-error or --max-worse was
 exceeded, or the layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number
 if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
+
 
 _NUMBERS = {
     "smoothness": "Stiffness of the soft parts. Lower values keep rigid features in shape better.",
@@ -350,7 +341,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
 _NEEDED_BY = {
     "--basis": ("--controls", "--gltf", "--basis-format", "--held-out"),
     "--carry-prims": ("--carry", "--carry-farthest", "--carry-fit", "--carry-pieces"),
-    "--layer": ("--root", "--freeze"),
+    "--layer": ("--root", "--freeze", "--only-layer"),
+    "--warm": ("--temporal-weight",),
 }
 _EXCLUDES = {
     "--rigidity": ("--rigidity-primvar",),
@@ -358,6 +350,7 @@ _EXCLUDES = {
     "--gltf": ("--subsets",),
     "--basis": ("--only-layer", "--texture-uv", "--tiles"),
     "--carry-prims": ("--only-layer", "--subsets", "--tiles"),
+    "--only-layer": ("--sheet",),
     "--texture-uv": ("--texture", "--normal-map", "--jacobian", "--filter-scale", "--subdivide"),
     "--quiet": ("--verbose", "--dry-run"),
 }
@@ -399,16 +392,10 @@ def _conflicts(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Iterat
         yield from (f"{name} and {other} {both}" for other in others if given(name) and given(other))
     for name, others in _NEEDED_BY.items():
         yield from (f"{other} needs {name}" for other in others if given(other) and not given(name))
-    if a.only_layer and a.layer is None:
-        yield "--only-layer needs --layer"
-    if a.only_layer and a.sheet:
-        yield f"--only-layer and --sheet {both}: a sheet shows a frame that was baked"
     if a.basis and a.map_size == AUTO:
         yield f"--basis and --map-size {AUTO} {both}"
     if a.freeze is not None and a.frames is not None and a.freeze not in a.frames:
         yield f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames)}"
-    if a.temporal_weight and not a.warm:
-        yield "--temporal-weight needs --warm: there is nothing else to hold a frame to"
     patterns = filter(None, [a.rigidity, a.mask, *a.textures, *a.normal_maps])
     if not a.subsets and any("<subset>" in pattern for pattern in patterns):
         yield "<subset> needs --subsets"

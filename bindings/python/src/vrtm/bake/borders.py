@@ -15,7 +15,7 @@ import vrtm
 from vrtm import borders
 from vrtm.bake import image_file
 from vrtm.bake.frames import Frame
-from vrtm.bake.layer import looked_up as textures_of
+from vrtm.bake.layer.write import looked_up as textures_of
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.part import Given
 from vrtm.bake.scene import Scene, SceneError, Shape

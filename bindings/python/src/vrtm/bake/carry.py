@@ -163,10 +163,7 @@ class Group:
     """The prims that a mesh carries. Raises Failure."""
 
     def __init__(
-        self,
-        mesh: MeshWork,
-        prims: Sequence[CarriedPrim],
-        to_mesh: Callable[[MeshWork, CarriedPrim], np.ndarray],
+        self, mesh: MeshWork, prims: Sequence[CarriedPrim], to_mesh: Callable[[MeshWork, CarriedPrim], np.ndarray]
     ) -> None:
         settings = mesh.settings
         self.mesh, self.to_mesh = mesh, [to_mesh(mesh, prim) for prim in prims]

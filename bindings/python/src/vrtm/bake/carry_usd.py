@@ -8,7 +8,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from vrtm.bake.carry_prims import CarriedPrim, Scatter, made, matrices, wrong
-from vrtm.bake.layer import export
+from vrtm.bake.layer.clips import export
 from vrtm.bake.layer.write import tell
 from vrtm.bake.mark import CARRIED, found_in, is_marked, mark
 from vrtm.bake.scene import Scene, SceneOptions

@@ -133,12 +133,7 @@ def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace,
 
 
 def _dilate(
-    copy: warped.Copy,
-    meshes: Sequence[Mesh],
-    targets: dict[str, Target],
-    reach: float,
-    console: Console,
-    stop: Stop,
+    copy: warped.Copy, meshes: Sequence[Mesh], targets: dict[str, Target], reach: float, console: Console, stop: Stop
 ) -> None:
     """Writes what is left of the textures of one pattern."""
     textures = dilated(copy, meshes, reach)

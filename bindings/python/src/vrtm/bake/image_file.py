@@ -24,11 +24,7 @@ _FIGURES = "vrtm:figures"
 _DESCRIPTION = "ImageDescription"
 # Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those converts
 # the numbers like colours. Edges are clamped where the wrap mode is read.
-DATA = {
-    "colorInteropID": ("string", "data"),
-    "oiio:ColorSpace": ("string", "data"),
-    "wrapmodes": ("string", "clamp"),
-}
+DATA = {"colorInteropID": ("string", "data"), "oiio:ColorSpace": ("string", "data"), "wrapmodes": ("string", "clamp")}
 """Attributes of images that are no colours."""
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 

@@ -8,7 +8,9 @@ import os
 from vrtm.bake import frames, image_file, tokens, warped
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
-from vrtm.bake.layer import LayerError, LayerPlan, manifest_path, redirected, relative, write_layer, write_root
+from vrtm.bake.layer.clips import manifest_path
+from vrtm.bake.layer.plan import LayerPlan
+from vrtm.bake.layer.write import redirected, relative, write_layer, write_root
 from vrtm.bake.mark import meshes_of
 from vrtm.bake.outputs import corner_name
 from vrtm.bake.part import Part
@@ -38,8 +40,6 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
             written = write_layer(settings.layer, work.scene, plan)
             if settings.root is not None:
                 write_root(settings.root, settings.layer, settings.scene)
-    except LayerError as error:
-        raise _failure(work, error) from error
     except OSError as error:
         raise _failure(work, error.strerror or error) from error
     warnings = written.warnings
@@ -108,10 +108,10 @@ def check(work: Work) -> None:
         raise _failure(
             work, f"it redirects {lost[0]}{others(len(lost) - 1)}, too, which is lost: --overwrite replaces it"
         )
-    try:
-        planned(work, {}).check()
-    except LayerError as error:
-        raise _failure(work, error) from error
+    for name, mesh in work.meshes.items() if work.settings.form == "tile" and not work.settings.corner_uvs else ():
+        if mesh.gains and mesh.all_udims != (1001,):
+            tiles = f"{name}, whose tiles are {mesh.all_udims}"
+            raise _failure(work, f"maps of form 'tile' cannot serve {tiles}: use 'udim'")
 
 
 def _failure(work: Work, reason: object) -> Failure:

@@ -11,7 +11,7 @@ import numpy as np
 from vrtm.bake import overwrite
 from vrtm.bake.failure import unwritable
 from vrtm.bake.frames import Frame
-from vrtm.bake.layer import corner_uv_layer, export, values_hash
+from vrtm.bake.layer.clips import corner_uv_layer, export, values_hash
 from vrtm.bake.mark import found_in
 from vrtm.bake.names import Pattern
 from vrtm.bake.scene import Shape
@@ -60,19 +60,16 @@ def listed(settings: Settings) -> tuple[Output, ...]:
     """The kinds that are asked for; the first is the redirection."""
     dtype = "float16" if settings.half else "float32"
 
-    def of(kind: str, form: str | None, fetch: str, fetched: int, channels: tuple[str, ...]) -> Output:
-        return Output(kind, form, fetch, fetched, channels, dtype)
-
     channels = _RGBA if settings.alpha else _RGB
     fetch = (FETCH if settings.options.texture_uv is None else _OF_SET)[settings.form]
-    outputs = [of("redirect", settings.form, fetch, len(channels), channels)]
+    outputs = [Output("redirect", settings.form, fetch, len(channels), channels, dtype)]
     if settings.warp:
-        outputs.append(of("warp", "tile", "warp", 3, _RGB))
+        outputs.append(Output("warp", "tile", "warp", 3, _RGB, dtype))
     if settings.jacobian:
-        outputs.append(of("jacobian", None, "jacobian", 4, _RGBA))
+        outputs.append(Output("jacobian", None, "jacobian", 4, _RGBA, dtype))
     if settings.filter_scale:
         # Three times the same number: programs that read one channel alone show it as red, or not at all.
-        outputs.append(of("filter", None, "filter_scale", 1, _RGB))
+        outputs.append(Output("filter", None, "filter_scale", 1, _RGB, dtype))
     return tuple(outputs)
 
 

@@ -135,7 +135,7 @@ def _opened(settings: Settings, say: Remarks, stop: Stop, opened: contextlib.Exi
 def _made(baking: _Bake) -> _Made:
     """All files. A failure ends with what is there, for the report; if folders cannot be written to, Failure is
     raised."""
-    settings = baking.work.settings
+    settings, console = baking.work.settings, baking.say.console
     # Better known now than after hours.
     made = _Made(failure=report.strict(settings, baking.work.left_out))
     if made.failure is not None:
@@ -150,11 +150,19 @@ def _made(baking: _Bake) -> _Made:
             _draw_sheets(baking, made.results)
         made.failure = report.nothing(made.results) or report.tolerance(baking.work, made.results)
         if settings.basis:
-            _add_basis(baking, made)
+            console.status("fitting basis maps")
+            made.basis = basis_maps.write(baking.work, made.results, baking.stop.check)
+            baking.say.info(*made.basis.lines)
+            made.failure = made.failure or made.basis.failure
         if baking.carried is not None:
-            _add_carried(baking, baking.carried, made)
+            console.status("carrying what is on the skin")
+            made.carried, made.carried_is_new = baking.carried.write(baking.stop.check, baking.say.warn)
+            baking.say.info(*(f"{settings.carry_file}: {carry.line(row)}" for row in made.carried))
         if settings.layer:
-            _add_layer(baking, made)
+            console.status(f"writing {settings.layer}")
+            notes, idle = layer_file.write(baking.work)
+            baking.say.warn(*notes)
+            made.failure = made.failure or idle
     except Exception as error:
         made.failure = describe(error)
     return made
@@ -179,26 +187,6 @@ def _draw_sheets(baking: _Bake, results: list[FrameResult]) -> None:
             positions = work.scene.positions(work.meshes[name].shape, worst.frame)
             drawn = sheet.write(work.meshes[name], worst.frame, positions, file, baking.stop.check)
             baking.say.info(f"{file}: frame {worst.frame}{'' if drawn else ', up to date'}")
-
-
-def _add_basis(baking: _Bake, made: _Made) -> None:
-    baking.say.console.status("fitting basis maps")
-    made.basis = basis_maps.write(baking.work, made.results, baking.stop.check)
-    baking.say.info(*made.basis.lines)
-    made.failure = made.failure or made.basis.failure
-
-
-def _add_carried(baking: _Bake, carried: carry.Carry, made: _Made) -> None:
-    baking.say.console.status("carrying what is on the skin")
-    made.carried, made.carried_is_new = carried.write(baking.stop.check, baking.say.warn)
-    baking.say.info(*(f"{baking.work.settings.carry_file}: {carry.line(row)}" for row in made.carried))
-
-
-def _add_layer(baking: _Bake, made: _Made) -> None:
-    baking.say.console.status(f"writing {baking.work.settings.layer}")
-    notes, idle = layer_file.write(baking.work)
-    baking.say.warn(*notes)
-    made.failure = made.failure or idle
 
 
 def _missing(baking: _Bake, made: _Made) -> list[LeftOut]:

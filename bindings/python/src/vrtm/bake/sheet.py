@@ -328,9 +328,7 @@ def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
     right, below = np.minimum(column + 1, width - 1), np.minimum(row + 1, height - 1)
     across, down = (x - column)[:, None], (y - row)[:, None]
     return mix(
-        mix(image[row, column], image[row, right], across),
-        mix(image[below, column], image[below, right], across),
-        down,
+        mix(image[row, column], image[row, right], across), mix(image[below, column], image[below, right], across), down
     )
 
 

@@ -23,16 +23,11 @@ ATTRIBUTE = f"primvars:{PRIMVAR}"
 
 def corner_uv_layer(shape: Shape, frame: float, uvs: np.ndarray) -> Sdf.Layer:
     """One frame's corner UVs, those of the control cage if the shape was refined. `uvs`: (corners, 2)."""
-    uvs = np.asarray(uvs, np.float32)
-    if uvs.shape != (len(shape.indices), 2):
-        raise ValueError(
-            f"uvs: the shape {uvs.shape} is not ({len(shape.indices)}, 2), one pair per corner of {shape.name}"
-        )
     if shape.cage_corners is not None:
         uvs = uvs[shape.cage_corners]
     layer = Sdf.Layer.CreateAnonymous()
     attribute = _declare(layer)
-    layer.SetTimeSample(attribute.path, float(frame), Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uvs)))
+    layer.SetTimeSample(attribute.path, float(frame), Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uvs, np.float32)))
     layer.startTimeCode = layer.endTimeCode = float(frame)
     mark(layer, CORNERS)
     return layer

@@ -20,10 +20,6 @@ UDIM = "<UDIM>"
 """Placeholder that renderers replace by the number of a tile."""
 
 
-class LayerError(Exception):
-    """A plan that no layer can express."""
-
-
 @dataclass(frozen=True)
 class LayerPlan:
     """The baked files, and their use by the shot's materials. All paths are relative to the layer, or absolute."""
@@ -56,14 +52,6 @@ class LayerPlan:
     """The frame whose files are named at all times; None: each frame has its own."""
     time_of: Callable[[Frame], float] = float
     """The time code of a frame."""
-
-    def check(self) -> None:
-        """Raises LayerError for maps that cannot serve their materials."""
-        for name in self.shapes if self.corner_path is None and self.form == "tile" else ():
-            if tuple(self.tiles.get(name, (1001,))) != (1001,):
-                raise LayerError(
-                    f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
-                )
 
     def of(self, subset: str, layer: int) -> LayerPlan:
         """The plan with the files of a part and a layer, for the materials of its faces."""

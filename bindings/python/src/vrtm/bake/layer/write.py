@@ -46,9 +46,8 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
     UVs.
 
     Every mesh gets materials of its own, which specialize the shot's: other meshes with the same material stay as they
-    are. Files that are there are replaced. Raises OSError, and LayerError for a wrong plan.
+    are. Files that are there are replaced. Raises OSError.
     """
-    plan.check()
     out_path = os.fspath(out_path)
     manifest = manifest_path(out_path)
     layer, warnings, changes = redirected(out_path, scene, plan)

@@ -156,7 +156,7 @@ class AlembicMesh:
 
     def _selector(self, index: int) -> Any:
         """Selects by time: a whole number, too, would be taken for one."""
-        return Abc.ISampleSelector(self._sampling.getSampleTime(index), Abc.ISampleSelector.TimeIndexType.kNearIndex)
+        return _at(self._sampling.getSampleTime(index))
 
     def faces(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         properties = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()

@@ -48,8 +48,25 @@ class PosedMesh:
         return self._refined.points(cage) if self._refined else cage
 
     def uneven_scale(self) -> str | None:
-        """A warning where transforms that are not applied stretch the mesh over time."""
-        return _uneven_scale(self._linear, self._frames) if self.is_moved and not self._options.world else None
+        """A warning where transforms that are not applied stretch the mesh over time, by more along one axis than along
+        another; the end of a sentence. Of very many frames some are looked at."""
+        if not self.is_moved or self._options.world:
+            return None
+        frames = self._frames[:: -(-len(self._frames) // _LOOKED_AT)]
+        first = self._linear(frames[0])
+        if abs(np.linalg.det(first)) == 0:
+            return None
+        ratios = [1.0]
+        for frame in frames[1:]:
+            scales = np.linalg.svd(np.linalg.solve(first, self._linear(frame)), compute_uv=False)
+            ratios.append(scales[0] / max(scales[2], 1e-9 * scales[0], 1e-300))
+        worst = int(np.argmax(ratios))
+        if ratios[worst] <= _EVEN:
+            return None
+        return (
+            f"the transforms above it scale it {ratios[worst]:.3g} times as much along one axis as along another "
+            f"(frame {frames[worst]}, against frame {frames[0]}), which is not taken for a stretch: --world does"
+        )
 
     def to_world(self, frame: float) -> np.ndarray:
         """(4, 4) f64, by which rows of positions of a frame are multiplied to lie in the world."""
@@ -176,8 +193,28 @@ class PosedSource(Generic[Mesh]):
         return ""
 
     def _take(self, groups: Sequence[tuple[Mesh, tuple[str, ...]]]) -> None:
-        """Reads meshes that stand for some paths each. Raises SceneError."""
-        self.shapes, self._meshes = _shapes(self._path, groups, self._options, self.warnings, self.left_out)
+        """Reads meshes that stand for some paths each. One that need not be baked may be one that cannot be read.
+        Raises SceneError."""
+        options, found = self._options, list[Shape]()
+        self._meshes: dict[str, Mesh] = {}
+        for name, (mesh, paths) in zip(unique_names([paths[0] for _, paths in groups], self.warnings), groups):
+            try:
+                found.append(mesh.shape(name, paths))
+            except SceneError as error:
+                if mesh.deforms or not options.skip_still or len(groups) == 1 or options.names(paths[0]):
+                    raise
+                why = str(error).removeprefix(f"{mesh.where}: ")
+                self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", paths[0]))
+            else:
+                self._meshes[name] = mesh
+        if not found:
+            raise SceneError(f"{self._path}: no mesh to bake: {self.left_out[-1].line()}")
+        self.warnings += [f"{mesh.path}: {uneven}" for mesh in self._meshes.values() if (uneven := mesh.uneven_scale())]
+        for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
+            if name is not None and all(getattr(shape, f"vertex_{what}") is None for shape in found):
+                there = {primvar for mesh in self._meshes.values() for primvar in mesh.primvars()}
+                raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
+        self.shapes = tuple(found)
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         return self._meshes[shape.name].positions(frame)
@@ -191,54 +228,3 @@ class PosedSource(Generic[Mesh]):
     def rest_frame(self, shape: Shape) -> float:
         """The frame whose transforms lie above the rest."""
         return self._meshes[shape.name].rest_frame
-
-
-def _shapes(
-    file: str,
-    groups: Sequence[tuple[Mesh, tuple[str, ...]]],
-    options: SceneOptions,
-    warnings: list[str],
-    left_out: list[LeftOut],
-) -> tuple[tuple[Shape, ...], dict[str, Mesh]]:
-    """The shapes of meshes that stand for some paths each, and the meshes by their names. One that need not be baked
-    may be one that cannot be read. Raises SceneError."""
-    found: list[Shape] = []
-    meshes: dict[str, Mesh] = {}
-    for name, (mesh, paths) in zip(unique_names([paths[0] for _, paths in groups], warnings), groups):
-        try:
-            found.append(mesh.shape(name, paths))
-        except SceneError as error:
-            if mesh.deforms or not options.skip_still or len(groups) == 1 or options.names(paths[0]):
-                raise
-            why = str(error).removeprefix(f"{mesh.where}: ")
-            left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", paths[0]))
-        else:
-            meshes[name] = mesh
-    if not found:
-        raise SceneError(f"{file}: no mesh to bake: {left_out[-1].line()}")
-    warnings += [f"{shape.path}: {uneven}" for shape in found if (uneven := meshes[shape.name].uneven_scale())]
-    for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
-        if name is not None and all(getattr(shape, f"vertex_{what}") is None for shape in found):
-            there = {primvar for mesh in meshes.values() for primvar in mesh.primvars()}
-            raise SceneError(f"{file}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
-    return tuple(found), meshes
-
-
-def _uneven_scale(linear: Callable[[float], np.ndarray], frames: Sequence[int]) -> str | None:
-    """A warning where a transform that is not applied stretches a mesh over time, by more along one axis than along
-    another; the end of a sentence. Of very many frames some are looked at."""
-    frames = frames[:: -(-len(frames) // _LOOKED_AT)]
-    first = linear(frames[0])
-    if abs(np.linalg.det(first)) == 0:
-        return None
-    ratios = []
-    for frame in frames[1:]:
-        scales = np.linalg.svd(np.linalg.solve(first, linear(frame)), compute_uv=False)
-        ratios.append(scales[0] / max(scales[2], 1e-9 * scales[0], 1e-300))
-    worst = int(np.argmax(ratios)) if ratios else 0
-    if not ratios or ratios[worst] <= _EVEN:
-        return None
-    return (
-        f"the transforms above it scale it {ratios[worst]:.3g} times as much along one axis as along another (frame "
-        f"{frames[1 + worst]}, against frame {frames[0]}), which is not taken for a stretch: --world does"
-    )
