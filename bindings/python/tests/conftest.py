@@ -11,6 +11,8 @@ import pytest
 import vrtm
 
 REPOSITORY = Path(__file__).resolve().parents[3]
+# Of sweeps all cases, and otherwise some.
+LONG = os.environ.get("VRTM_LONG_TESTS") == "1"
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ def solved(device, model, positions=None, pose=None, faces=None, **mesh):
     mesh = mesh or {"uvs": model.uvs, "uv_indices": model.faces}
     with vrtm.Asset(device, positions, model.faces if faces is None else faces, **mesh) as asset:
         asset.tile(1001).set_rigidity(studs())
+        asset.tile(1001).set_settings(grid_width=32, grid_height=32)
         return asset.redirect(model.pose if pose is None else pose, asset.tiles)[0]
 
 

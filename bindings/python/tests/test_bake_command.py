@@ -79,14 +79,14 @@ def test_a_file_tells_what_it_holds(scene: Path, tmp_path: Path) -> None:
 
 
 def test_bytes_do_not_depend_on_how_the_work_is_divided(scene: Path, tmp_path: Path) -> None:
-    texture = ("--texture", scene.parent / "colour.<UDIM>.png", "--frames", "1-3")
+    texture = ("--texture", scene.parent / "colour.<UDIM>.png", "--frames", "1-2")
     run(*sheet_arguments(scene, tmp_path / "one", "--jobs", 1, "--threads", 1, *texture))
     run(*sheet_arguments(scene, tmp_path / "two", "--jobs", 2, "--threads", 2, *texture))
     for tile in (1001, 1002):
-        for frame in (3, 1, 2):
+        for frame in (2, 1):
             run(*sheet_arguments(scene, tmp_path / "parts", *texture[:2], "--tiles", tile, "--frames", frame))
     one = files(tmp_path / "one")
-    assert len(one) == 12 and one == files(tmp_path / "two") == files(tmp_path / "parts")
+    assert len(one) == 8 and one == files(tmp_path / "two") == files(tmp_path / "parts")
 
 
 def test_what_is_up_to_date_is_left_alone(scene: Path, tmp_path: Path) -> None:
@@ -182,16 +182,15 @@ def test_the_report(scene: Path, tmp_path: Path) -> None:
     assert figures[0] == figures[1]
 
 
-@pytest.mark.parametrize("option", ["--max-strain", "--max-error"])
-def test_tolerances(scene: Path, tmp_path: Path, option: str) -> None:
-    out = tmp_path / "out"
-    run(*sheet_arguments(scene, out, option, "1000"))
-    for _ in range(2):
+def test_tolerances(scene: Path, tmp_path: Path) -> None:
+    out, options = tmp_path / "out", ("--max-strain", "--max-error")
+    run(*sheet_arguments(scene, out, *(word for option in options for word in (option, "1000"))))
+    for option in options:
         # Also where nothing is left to do.
         ended = run(*sheet_arguments(scene, out, option, "1e-6", "--report", tmp_path / "r.json"), expect=3)
         assert option in ended.stderr
         assert json.loads((tmp_path / "r.json").read_text())["exit_code"] == 3
-    run(*sheet_arguments(scene, tmp_path / "new", option, "1e-6", "--jobs", 2), expect=3)
+    run(*sheet_arguments(scene, tmp_path / "new", "--max-strain", "1e-6", "--jobs", 2), expect=3)
     assert len(files(tmp_path / "new")) == 10
 
 
@@ -254,20 +253,20 @@ def test_missing_modules_are_named(scene: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("redirected", "jobs"),
     [
-        *((by, 2) for by in ("1>&-", "2>&-", "1>&- 2>&- 0<&-", "1>/dev/full", "1>/dev/full 2>/dev/full", "| true")),
-        *((by, 1) for by in ("1>&- 2>&- 0<&-", "1>/dev/full 2>/dev/full")),
+        *((by, 1) for by in ("1>&-", "2>&-", "1>/dev/full", "| true")),
+        *((by, 2) for by in ("1>&- 2>&- 0<&-", "1>/dev/full 2>/dev/full")),
     ],
 )
 def test_what_is_printed_cannot_do_harm(scene: Path, tmp_path: Path, redirected: str, jobs: int) -> None:
     report = tmp_path / "report.json"
-    options = ("--jobs", jobs, "--frames", "1-3,9", "--report", report)
-    command, variables = vrtm_command(*sheet_arguments(scene, tmp_path / "out", *options))
+    arguments = sheet_arguments(scene, tmp_path / "out", "--tiles", 1001, "--frames", "1-2,9")
+    command, variables = vrtm_command(*arguments, "--jobs", jobs, "--report", report)
     line = " ".join(f"'{word}'" for word in command) + f" {redirected}"
     ended = subprocess.run(["bash", "-o", "pipefail", "-c", line], env=variables, capture_output=True, text=True)
     # The report tells what the streams could not.
     assert ended.returncode == 0, f"{ended.stderr}{report.read_text() if report.exists() else 'no report'}"[-2000:]
-    assert len(files(tmp_path / "out")) == 6 and "Traceback" not in ended.stderr
-    assert written(run(*sheet_arguments(scene, tmp_path / "out", "--frames", "1-3"))) == (0, 6)
+    assert len(files(tmp_path / "out")) == 2 and "Traceback" not in ended.stderr
+    assert written(run(*arguments)) == (0, 2)
 
 
 def test_two_bakes_into_one_folder(scene: Path, tmp_path: Path) -> None:
@@ -301,7 +300,7 @@ def test_names_that_are_not_ascii(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "Gesicht \u00e4\u5b57", frames=2, cells=4)
     out = scene.parent / "out"
     arguments = sheet_arguments(scene, out, "--texture", scene.parent / "colour.<UDIM>.png", "--report", out / "r.json")
-    for name, jobs in (("C", 1), ("C", 2), ("C.UTF-8", 1)):
+    for name, jobs in (("C", 2), ("C.UTF-8", 1)):
         variables = {"LC_ALL": name, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
         shutil.rmtree(out, ignore_errors=True)
         ended = run(*arguments, "--jobs", jobs, **variables)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments, written
@@ -63,12 +64,14 @@ def noise(shape: tuple[int, ...], dtype: type) -> np.ndarray:
     return (np.random.default_rng(len(shape)).random(shape) * most).astype(dtype)
 
 
-@pytest.mark.parametrize("amount", [0.03, 0.09])
-def test_a_warped_texture_is_near_the_truth(amount: float) -> None:
-    import OpenImageIO as oiio
+@pytest.fixture(scope="module")
+def source() -> np.ndarray:
+    return averaged(painted(*centres(SIZE * SAMPLES))).astype(np.float32)
 
+
+@pytest.mark.parametrize("amount", [0.03, 0.09])
+def test_a_warped_texture_is_near_the_truth(source: np.ndarray, amount: float) -> None:
     at = moved(amount)
-    source = averaged(painted(*centres(SIZE * SAMPLES))).astype(np.float32)
     truth = averaged(painted(*at(*centres(SIZE * SAMPLES))))
     found = warp(texture(source), Copy("a.exr", "a", False, False), fetched(at))
     # What one lookup per texel comes to, bilinear.

@@ -16,7 +16,7 @@ import pytest
 from bake_scenes import INSTALLED, files, processes, run, sheet_arguments, with_material
 from vrtm.farm import template
 
-FRAMES = 8
+FRAMES = 4
 OPTIONS = "--size 128 --jacobian"
 
 
@@ -53,7 +53,7 @@ class Farm:
             "Rigidity": "rigid.<UDIM>.png",
             "OutDir": out,
             "Frames": f"1-{FRAMES}",
-            "ChunkSize": 5,
+            "ChunkSize": 3,
             "Tiles": "1001-1002",
             "Options": OPTIONS,
         }
@@ -98,43 +98,39 @@ def test_the_template_is_valid(farm: Farm, tmp_path: Path) -> None:
     assert ended.returncode == 0, ended.stdout
 
 
-def test_a_job_writes_what_a_local_run_does(farm: Farm, local: dict[str, bytes], tmp_path: Path) -> None:
-    ended = farm.start(tmp_path / "out")
+def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(
+    farm: Farm, local: dict[str, bytes], tmp_path: Path
+) -> None:
+    out, whole = tmp_path / "out", 0
+    for way in ("SIGTERM", "SIGKILL to all"):
+        process = farm.start(out)
+        # Until all files of a further frame are there, which the next run must leave alone.
+        while process.poll() is None and sum(names <= listed(out) for names in by_frame(local)) <= whole:
+            time.sleep(0.005)
+        if way == "SIGTERM":
+            process.terminate()
+        else:
+            # Also what is in sessions of its own: openjd starts each task in one.
+            all_ = tree(process.pid)
+            for found in all_:
+                os.kill(found, signal.SIGKILL)
+            while any(processes().get(found, "Z")[0] != "Z" for found in all_):
+                time.sleep(0.005)
+        told, _ = process.communicate(timeout=60)
+        assert process.returncode != 0
+        found = {name: content for name, content in files(out).items() if not name.startswith(".")}
+        if way == "SIGTERM":
+            assert "exited with code: 143" in told, told[-2000:]
+            assert found == files(out)
+        assert 0 < len(found) < len(local) and found.items() <= local.items()
+        whole = sum(names <= set(found) for names in by_frame(local))
+    ended = farm.start(out)
     told, _ = ended.communicate(timeout=280)
     assert ended.returncode == 0, told[-3000:]
-    assert files(tmp_path / "out") == local
-    assert "openjd_progress: 100.0" in told and "openjd_status: writing" in told
+    assert files(out) == local
+    assert "openjd_progress: 100.0" in told and "openjd_status: writing" in told and "files up to date" in told
     # Two chunks of two tiles, and the layer.
     assert told.count("Running Task") == 5
-
-
-@pytest.mark.parametrize("way", ["SIGTERM", "SIGKILL to all"])
-def test_a_job_that_is_killed_and_run_again(farm: Farm, local: dict[str, bytes], tmp_path: Path, way: str) -> None:
-    out = tmp_path / "out"
-    process = farm.start(out)
-    # Until all files of a frame are there, which the next run must leave alone.
-    while process.poll() is None and not any(names <= listed(out) for names in by_frame(local)):
-        time.sleep(0.005)
-    time.sleep(0.02)
-    if way == "SIGTERM":
-        process.terminate()
-    else:
-        # Also what is in sessions of its own: openjd starts each task in one.
-        for found in tree(process.pid):
-            os.kill(found, signal.SIGKILL)
-    told, _ = process.communicate(timeout=60)
-    assert process.returncode != 0
-    time.sleep(0.5)
-    found = {name: content for name, content in files(out).items() if not name.startswith(".")}
-    if way == "SIGTERM":
-        assert "exited with code: 143" in told, told[-2000:]
-        assert found == files(out)
-    assert 0 < len(found) < len(local) and found.items() <= local.items()
-    again = farm.start(out)
-    told, _ = again.communicate(timeout=280)
-    assert again.returncode == 0, told[-3000:]
-    assert files(out) == local
-    assert "files up to date" in told
 
 
 def listed(folder: Path) -> set[str]:

@@ -94,17 +94,9 @@ def test_a_library_for_another_platform_is_refused(tmp_path, data, wanted, text)
         tag(tmp_path, data, wanted)
 
 
-@pytest.mark.parametrize(
-    ("data", "name", "file"),
-    [
-        (DLL, "py3-none-win_amd64", "vrtm/vrtm.dll"),
-        (ARM_SO, "py3-none-linux_aarch64", "vrtm/libvrtm.so"),
-    ],
-    ids=name_of,
-)
-def test_a_wheel_for_another_system(tmp_path, data, name, file):
+def test_a_wheel_for_another_system(tmp_path):
     path = tmp_path / "built"
-    path.write_bytes(data)
+    path.write_bytes(DLL)
     environment = {**os.environ, "VRTM_LIBRARY": str(path)}
     environment.pop("VRTM_WHEEL_PLATFORM", None)
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
@@ -113,14 +105,14 @@ def test_a_wheel_for_another_system(tmp_path, data, name, file):
     )
     assert built.returncode == 0, built.stdout + built.stderr
     (wheel,) = tmp_path.glob("*.whl")
-    assert wheel.stem.endswith(f"-{name}")
+    assert wheel.stem.endswith("-py3-none-win_amd64")
     with zipfile.ZipFile(wheel) as archive:
         libraries = [entry for entry in archive.namelist() if ".dll" in entry or ".so" in entry or ".dylib" in entry]
-        assert libraries == [file]
-        assert archive.read(file) == data
+        assert libraries == ["vrtm/vrtm.dll"]
+        assert archive.read("vrtm/vrtm.dll") == DLL
         about = next(entry for entry in archive.namelist() if entry.endswith(".dist-info/WHEEL"))
         lines = archive.read(about).decode().splitlines()
-    assert f"Tag: {name}" in lines
+    assert "Tag: py3-none-win_amd64" in lines
     assert "Root-Is-Purelib: false" in lines
 
 
