@@ -254,11 +254,6 @@ def test_lengths_tell_what_deforms() -> None:
     assert not deforms(far) and deforms(far + made.rest * [0.5, 0, 0])
 
 
-def test_frames_are_looked_at_from_far_apart() -> None:
-    assert list(gain._spread([1, 2, 3, 4, 5])) == [5, 1, 3, 4, 2]
-    assert sorted(gain._spread(range(100))) == list(range(100)) and list(gain._spread([7])) == [7]
-
-
 def test_surfaces_are_what_hangs_together() -> None:
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (5, 5, 5), (6, 5, 5), (5, 6, 5), (0, 1, 0)]
     made = shape(points, [3, 0, 3, 3], [0, 1, 2, 3, 4, 5, 5, 4, 6])

@@ -12,7 +12,6 @@ import pytest
 
 import vrtm
 from vrtm.bake import frames, staging
-from vrtm.bake.console import Console
 from vrtm.bake.failure import BUG, DEVICE, INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.names import Pattern
@@ -98,11 +97,6 @@ def test_exit_codes(error: Exception, code: int) -> None:
     assert code == BUG or "\n" not in failure.message
 
 
-def test_a_missing_module_names_the_extra() -> None:
-    message = describe(ModuleNotFoundError("No module named 'pxr.Usd'", name="pxr.Usd")).message
-    assert "pip install 'vrtm[bake]'" in message and "pxr" in message
-
-
 def test_fingerprints_tell_inputs_apart() -> None:
     a = np.arange(6, dtype=np.float32)
     distinct = [
@@ -120,20 +114,6 @@ def test_fingerprints_tell_inputs_apart() -> None:
     wide[:, 0] = a
     assert Fingerprint().array(wide[:, 0]).hex() == Fingerprint().array(a).hex()
     assert Fingerprint().array(a.astype(">f4")).hex() == Fingerprint().array(a).hex()
-
-
-def test_a_failed_write_leaves_nothing(tmp_path: Path) -> None:
-    def body(temporary: str) -> None:
-        Path(temporary).write_text("half")
-        raise OSError("full")
-
-    (tmp_path / "a.txt").write_text("before")
-    with pytest.raises(OSError, match="full"):
-        staging.write(str(tmp_path / "a.txt"), body)
-    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
-    assert (tmp_path / "a.txt").read_text() == "before"
-    staging.write_bytes(str(tmp_path / "a.txt"), b"after")
-    assert (tmp_path / "a.txt").read_text() == "after"
 
 
 def test_files_have_the_modes_of_files(tmp_path: Path) -> None:
@@ -168,38 +148,3 @@ def test_a_sweep_takes_what_nobody_writes(tmp_path: Path) -> None:
         fcntl.flock(locked, fcntl.LOCK_EX)
         assert staging.sweep(str(tmp_path)) == []
     assert staging.sweep(str(tmp_path)) == [paths[1]]
-
-
-def test_closed_streams_get_no_file(tmp_path: Path) -> None:
-    program = (
-        "import os, sys; from vrtm.bake import console\n"
-        "console.keep_streams_open()\n"
-        "opened = os.open(sys.argv[1], os.O_CREAT | os.O_WRONLY)\n"
-        "os.write(1, b'printed'); os.write(2, b'printed')\n"
-        "console.leave_streams()\n"
-        "sys.exit(0 if opened > 2 else 1)"
-    )
-    line = 'exec "$0" -c "$1" "$2" <&- >&- 2>&-'
-    ended = subprocess.run(["bash", "-c", line, sys.executable, program, str(tmp_path / "a")])
-    assert ended.returncode == 0 and (tmp_path / "a").read_bytes() == b""
-
-
-@pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_a_full_stream_does_not_change_the_exit_code(stream: str) -> None:
-    program = f"import sys; from vrtm.bake import console\nsys.{stream}.write('lost')\nconsole.leave_streams()"
-    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    with open("/dev/full", "w") as full:
-        ended = subprocess.run([sys.executable, "-c", program], env=buffered, **{stream: full})
-    assert ended.returncode == 0
-
-
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
-def test_a_full_stream_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A later flush must not fail for text that the stream could not take."""
-    with open("/dev/full", "w") as full:
-        monkeypatch.setattr(sys, "stdout", full)
-        console = Console()
-        console.info("x" * 100)
-        full.flush()
-        console.info("more")
-        full.flush()

@@ -169,11 +169,6 @@ def test_positions_that_the_weights_do_not_drive_get_targets_of_their_own() -> N
     assert not made[1].uvs.any() and np.abs(driving[:, 1]).max() == pytest.approx(1)
 
 
-def test_sums_are_of_the_stored_numbers() -> None:
-    maps, weights = bumps(2).astype(np.float16), np.array([[0.25, -1.5]], np.float32)
-    np.testing.assert_array_equal(summed(maps, weights)[0], 0.25 * maps[0].astype(float) - 1.5 * maps[1].astype(float))
-
-
 @pytest.mark.parametrize("form", ["unorm16", "unorm8"])
 def test_integers_hold_the_bound_and_leave_in_place_what_does_not_move(form: str) -> None:
     """By what a shader computes: offset + scale * number / largest."""

@@ -158,13 +158,6 @@ def test_purposes_and_subsets_keep_their_materials(stage: Usd.Stage, tmp_path: P
     assert bound(final, "/world/two", "full").GetPath() == "/world/looks/full"
 
 
-def test_a_binding_that_is_stronger_is_said(stage: Usd.Stage) -> None:
-    other = scenes.preview_material(stage, "/world/looks/other")
-    UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath("/world")).Bind(other, "strongerThanDescendants")
-    told = "/world/one: a stronger binding keeps /world/looks/other instead of /world/looks/other_one_redirected"
-    assert over(stage)[1] == [told]
-
-
 def test_instanceable_materials(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath("/world/looks/skin").SetInstanceable(True)
     final, warnings = over(stage)

@@ -53,23 +53,6 @@ def test_blend_shapes_without_joints(arm: Usd.Stage) -> None:
     assert scene.positions("skin", 5.5) == pytest.approx(expected)
 
 
-def test_smooth_weights(arm: Usd.Stage) -> None:
-    binding = UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skin"))
-    binding.CreateJointIndicesPrimvar(False, 2).Set([0, 1] * 6)
-    binding.CreateJointWeightsPrimvar(False, 2).Set([1, 0, 1, 0, 0.5, 0.5, 1, 0, 1, 0, 0, 1])
-    # Half of the way between where each joint alone puts it: (2, 0) and (1, 1).
-    assert Scene(saved(arm)).positions("skin", 10)[2].tolist() == pytest.approx([1.5, 0.5, 0], abs=1e-5)
-
-
-def test_one_joint_moves_a_rigid_prop(arm: Usd.Stage) -> None:
-    binding = UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skin"))
-    binding.CreateJointIndicesPrimvar(True, 1).Set([1])
-    binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
-    binding.GetBlendShapeTargetsRel().ClearTargets(True)
-    points = Scene(saved(arm)).positions("skin", 10)
-    assert points[[0, 2]] == pytest.approx(np.array([(1, -1, 0), (1, 1, 0)]), abs=1e-5)
-
-
 def test_instances_are_one_shape_if_one_animation_moves_them(arm: Usd.Stage, tmp_path: Path) -> None:
     shot = scenes.stage(tmp_path / "shot.usda", 1, 10)
     saved(arm)

@@ -109,9 +109,7 @@ def test_frames_that_cannot_be_meant_are_told(tmp_path: Path) -> None:
     scenes.stretch(scenes.mesh(between, "/mesh"), [0.25, 0.5, 0.75])
     scene = Scene(saved(between))
     assert scene.frames == (0,)
-    assert scene.warnings == [
-        f"{scene.path}: no frame from 0.25 to 0.75 is a whole number: frame 0 alone is baked",
-    ]
+    assert scene.warnings == [f"{scene.path}: no frame from 0.25 to 0.75 is a whole number: frame 0 alone is baked"]
     assert [(entry.frames, entry.meant) for entry in scene.left_out] == [((0.25, 0.75), True)]
     between.SetStartTimeCode(-0.5)
     between.SetEndTimeCode(2)
@@ -121,9 +119,7 @@ def test_frames_that_cannot_be_meant_are_told(tmp_path: Path) -> None:
     scenes.stretch(scenes.mesh(backwards, "/mesh"), [3, 5])
     scene = Scene(saved(backwards))
     assert scene.frames == (3, 4, 5)
-    assert scene.warnings == [
-        f"{scene.path}: its start time code, 10, is after its end, 2: its time samples count",
-    ]
+    assert scene.warnings == [f"{scene.path}: its start time code, 10, is after its end, 2: its time samples count"]
 
 
 def test_left_handed_meshes_keep_the_order_of_their_corners(stage: Usd.Stage) -> None:
@@ -171,10 +167,7 @@ def test_choice_of_meshes_and_names(stage: Usd.Stage) -> None:
         "/*/h*": ["/b/hat"],
     }.items():
         assert [shape.path for shape in Scene(path, SceneOptions(meshes=(wanted,))).shapes] == found
-    for wanted, message in {
-        "/b/bald": "/b/bald: has no UVs",
-        "/c": "'/c' is no mesh of the scene",
-    }.items():
+    for wanted, message in {"/b/bald": "/b/bald: has no UVs", "/c": "'/c' is no mesh of the scene"}.items():
         with pytest.raises(SceneError, match=message):
             Scene(path, SceneOptions(meshes=("body", wanted)))
     stage.DefinePrim("/light", "SphereLight")
