@@ -1,15 +1,16 @@
-"""A shot, a bake's layer over it, and what a renderer would resolve of both."""
+"""A shot, a bake's layer over it, what a renderer would resolve of both, and USD's own validation of it."""
 
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Sdr, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
 
 import scenes
-from usd_validators import check_layer
 from vrtm.bake.layer.clips import corner_uv_layer, export, values_hash
 from vrtm.bake.layer.plan import LayerPlan
-from vrtm.bake.layer.write import write_layer
+from vrtm.bake.layer.write import compose, write_layer
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 
 FRAMES = (1, 2, 4)
@@ -100,3 +101,45 @@ def varname(shader: UsdShade.Shader) -> str:
 def checked(folder: Path, file: str = "shot.usda", options: SceneOptions | None = None) -> list[str]:
     """Complaints of validators about the layer over the shot, less those about the shot; and about the layer alone."""
     return check_layer(folder / "over.usda", folder / file, options) + check_layer(folder / "over.usda")
+
+
+def check_layer(
+    path: str | os.PathLike[str], shot: str | os.PathLike[str] | None = None, options: SceneOptions | None = None
+) -> list[str]:
+    """Complaints of USD's validators, which usdchecker runs, about a layer: over its shot, less those about the shot
+    alone, or by itself. Unknown nodes of MaterialX are left out in a build of USD that knows none of them."""
+    path = os.path.abspath(os.fspath(path))
+    layer = Sdf.Layer.FindOrOpen(path)
+    if layer is None:
+        return [f"{path}: cannot be opened"]
+    if shot is None:
+        return sorted(_complaints(Usd.Stage.Open(layer)))
+    options, shot = options or SceneOptions(), os.path.abspath(os.fspath(shot))
+    alone = compose(Sdf.Layer.CreateAnonymous(".usda"), shot, options, muted=path)
+    return sorted(_complaints(compose(layer, shot, options)) - _complaints(alone))
+
+
+def _complaints(stage: Usd.Stage) -> set[str]:
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    # Kept while the validators run: what they say besides is about paths that are checked below.
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    knows_materialx = any(name.startswith("ND_") for name in Sdr.Registry().GetShaderNodeIdentifiers())
+    found = set()
+    for error in UsdValidation.ValidationContext(validators).Validate(stage):
+        text = error.GetMessage()
+        if error.GetName() == "MissingShaderIdInRegistry" and "'ND_" in text and not knows_materialx:
+            continue
+        places = {_place(site) for site in error.GetSites()} - {""}
+        found.add(f"{error.GetName()}: {text}{' at ' if places else ''}{' '.join(sorted(places))}")
+    delegate.TakeUncoalescedDiagnostics()
+    return found
+
+
+def _place(site: Any) -> str:
+    """A prim's or property's path; layers in memory have no name worth telling."""
+    if site.IsPrim():
+        return str(site.GetPrim().GetPath())
+    if site.IsProperty():
+        return str(site.GetProperty().GetPath())
+    layer = site.GetLayer()
+    return layer.identifier if layer and not layer.anonymous else ""

@@ -8,8 +8,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from bake_scenes import MESH, files, run, sheet, sheet_arguments, solved_alone, with_material, written
 from scenes import preview_material
-from shots import bound, texture
-from usd_validators import check_layer
+from shots import bound, check_layer, texture
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import scenes
 import vrtm
 from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments, solved_alone
 from mirrored import CELLS, MESH, SIZE, check_family, composed, looked_up, materials, mirrored
-from usd_validators import check_layer
+from shots import check_layer
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.report import advice
 from vrtm.bake.scene import Scene, SceneOptions

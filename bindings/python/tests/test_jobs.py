@@ -169,13 +169,16 @@ def run(code):
 def test_ctrl_c():
     """Ctrl-C in the middle of a solve ends it, and the asset goes on."""
     done = run("""
-        seen = []
+        seen, cancelled, cancel = [], threading.Event(), asset.cancel
 
         def tell(fraction):
             seen.append(fraction)
             if len(seen) == 2:
                 signal.raise_signal(signal.SIGINT)
+                # However late the main thread looks.
+                cancelled.wait(60)
 
+        asset.cancel = lambda: (cancel(), cancelled.set())
         try:
             asset.solve(model.pose, max_corrections=7, progress=tell)
             print("not interrupted")
