@@ -126,11 +126,11 @@ def check(name: str, found: list[SimpleNamespace], most: float = EXACT) -> None:
     assert bound.mean() > 0.98
 
 
-SOME = [("ict_inner", "shut"), ("mh_face", "shut"), ("fox", "continue")]
+SOME = [("mh_face", "shut"), ("fox", "continue")]
 ALL = [(name, seams) for seams in ("shut", "continue") for name in ("cesium_man", "fox", "mh_face", "spot")]
 
 
-@pytest.mark.parametrize(("name", "seams"), [SOME[0], *ALL] if LONG else SOME)
+@pytest.mark.parametrize(("name", "seams"), [("ict_inner", "shut"), *ALL] if LONG else SOME)
 def test_rims_coincide(name, seams):
     model = read(name)
     pose = model.frames[min(3, len(model.frames) - 1) if name != "mh_face" else 0]
