@@ -99,11 +99,7 @@ def per_vertex(
 
     A vertex gets the mean of its faces or corners; one without faces gets 0. Raises ValueError on a wrong count.
     """
-    wanted = {"constant": 1, "uniform": len(counts), "vertex": points, "varying": points, "faceVarying": len(indices)}
-    if interpolation not in wanted:
-        raise ValueError(f"the interpolation {interpolation!r} is not known")
-    if len(values) != wanted[interpolation]:
-        raise ValueError(f"{len(values)} values of interpolation {interpolation}, not {wanted[interpolation]}")
+    of_corner = corner_elements(interpolation, counts, indices, points, np.arange(len(values)))
     values = np.asarray(values, np.float64)
     if values.ndim == 2:
         values = luminance(values)
@@ -111,10 +107,8 @@ def per_vertex(
         return np.full(points, values[0], np.float32)
     if interpolation in ("vertex", "varying"):
         return values.astype(np.float32)
-    if interpolation == "uniform":
-        values = np.repeat(values, counts)
     share = np.maximum(np.bincount(indices, minlength=points), 1)
-    return (np.bincount(indices, weights=values, minlength=points) / share).astype(np.float32)
+    return (np.bincount(indices, weights=values[of_corner], minlength=points) / share).astype(np.float32)
 
 
 def corner_elements(
