@@ -179,7 +179,6 @@ def test_ctrl_c():
                 cancelled.wait(60)
 
         asset.cancel = lambda: (cancel(), cancelled.set())
-        asset.tile(1001).set_settings(grid_width=256, grid_height=256)
         try:
             asset.solve(model.pose, max_corrections=7, progress=tell)
             print("not interrupted")
