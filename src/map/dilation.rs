@@ -31,8 +31,8 @@ struct Piece {
 
 const NOTHING: Found = Found { distance: f64::INFINITY, uv: DVec2::ZERO };
 
-/// Lays out the collars of a tile's charts beyond their seams up to `reach`, a length in UV, and writes the UV and, as a
-/// fourth channel, whether it is known. Nothing is written before all memory is there.
+/// Lays out the collars of a tile's charts beyond their seams up to `reach`, a length in UV, and writes the UV and, as
+/// a fourth channel, whether it is known. Nothing is written before all memory is there.
 pub(crate) fn write(team: &Team, mesh: &Mesh, tile: usize, reach: f64, image: &mut ImageViewMut) {
     let part = &image.part().clone();
     let surface = Surface::new(mesh, tile, &Beyond { seams: true, open_borders: false, reach });

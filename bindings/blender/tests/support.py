@@ -111,7 +111,7 @@ class Case(unittest.TestCase):
         return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
 
     def shown(self, obj: bpy.types.Object) -> list[str]:
-        """What the panels and menus show, in a stand-in of Blender's layout. Drawing changes nothing."""
+        """Content of the panels and menus, in a stand-in of Blender's layout. Drawing changes nothing."""
         shown, context = [], types.SimpleNamespace(object=obj, scene=bpy.context.scene)
         states = set(part("states").known)
         for name in PANELS:
