@@ -15,6 +15,7 @@ import pytest
 
 import vrtm
 from conftest import sheet, studded
+from vrtm import _call
 
 
 @pytest.fixture
@@ -188,6 +189,24 @@ def test_ctrl_c():
         print(asset.solve(model.pose).charts_active)
     """)
     assert done.stdout.split() == ["interrupted", "1"], done.stderr[-500:]
+
+
+@pytest.mark.parametrize("has_begun", [True, False])
+def test_ctrl_c_while_a_thread_starts(monkeypatch, has_begun):
+    """A call that has begun by then is cancelled, and any other never begins."""
+
+    class Interrupted(threading.Thread):
+        def start(self):
+            if has_begun:
+                super().start()
+                calls.wait(60)
+            raise KeyboardInterrupt
+
+    calls, cancelled = threading.Event(), threading.Event()
+    monkeypatch.setattr(threading, "Thread", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        _call.interruptible(lambda: (calls.set(), cancelled.wait(60)), cancelled.set)
+    assert calls.is_set() == cancelled.is_set() == has_begun
 
 
 def test_the_end_of_a_process():

@@ -19,9 +19,11 @@ def interruptible(call: Callable[[], Result], cancel: Callable[[], object]) -> R
         return call()
     results: list[Result] = []
     errors: list[BaseException] = []
-    ended = threading.Event()
+    begun, ended = threading.Lock(), threading.Event()
 
     def run() -> None:
+        if not begun.acquire(blocking=False):
+            return
         try:
             results.append(call())
         except BaseException as error:
@@ -30,18 +32,19 @@ def interruptible(call: Callable[[], Result], cancel: Callable[[], object]) -> R
             ended.set()
 
     thread = threading.Thread(target=run, name="vrtm")
-    thread.start()
     try:
+        # It may be interrupted, too, before or after the thread has begun.
+        thread.start()
         while not ended.wait(_LOOK):
             pass
     except BaseException:
-        # The first cancel has no effect before the solve begins, so cancel again.
-        while not ended.is_set():
+        # A thread that has not begun by now never calls. The first cancel has no effect before the solve begins, so
+        # cancel again.
+        while not ended.is_set() and not begun.acquire(blocking=False):
             cancel()
             ended.wait(0.005)
         raise
-    finally:
-        thread.join()
+    thread.join()
     if errors:
         raise errors[0]
     return results[0]
