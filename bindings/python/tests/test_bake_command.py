@@ -286,6 +286,9 @@ def test_messages(scene: Path, tmp_path: Path) -> None:
     assert len([line for line in lines if "of the rigid texels are fixed" in line]) == 2
     of_mesh = r"/model/sheet: 5 frames \(1-5\), strain 0\.\d+ -> 0\.\d+ RMS \(frame 5, the worst of 3 measured: .*, 10 "
     assert re.match(of_mesh + "files", lines[10])
+    # No bar, and no line per frame.
+    plain = run(*sheet_arguments(scene, tmp_path / "b", "--no-progress")).stdout.splitlines()
+    assert plain[:5] == [line for line in lines if not line.startswith("[")][:5] and len(plain) == 7
     assert run(*sheet_arguments(scene, tmp_path / "c", "--quiet")).stdout == ""
     lines = run(*sheet_arguments(scene, tmp_path / "d", "--openjd")).stdout.splitlines()
     told = [line.split()[1] for line in lines if line.startswith("openjd_progress: ")]

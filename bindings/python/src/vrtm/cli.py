@@ -88,7 +88,7 @@ def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
         try:
             if settings is not None:
                 console = Console(parsed.quiet, parsed.openjd)
-                console = Console(parsed.quiet, parsed.openjd, parsed.verbose, parsed.log)
+                console = Console(parsed.quiet, parsed.openjd, parsed.verbose, parsed.log, not parsed.no_progress)
                 from vrtm.bake.run import bake
 
                 return bake(settings, console, stop)

@@ -332,6 +332,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--report", "Write all figures as JSON.", "FILE")
     add("--log", "Also add all messages to this file, with their times.", "FILE")
     add("--verbose", "Also print details, such as messages of the library.")
+    add("--no-progress", "Print no progress bar, and no line per frame.")
     add("--quiet", "Print nothing but warnings and errors.")
     add("--openjd", "Print progress and status lines of OpenJobDescription.")
     add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS")

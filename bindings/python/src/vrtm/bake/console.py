@@ -74,13 +74,19 @@ def _open_log(path: str) -> TextIO:
 
 class Console:
     def __init__(
-        self, quiet: bool = False, openjd: bool = False, verbose: bool = False, log: str | None = None
+        self,
+        quiet: bool = False,
+        openjd: bool = False,
+        verbose: bool = False,
+        log: str | None = None,
+        progress: bool = True,
     ) -> None:
         """`log`: a file that all messages are added to. Raises Failure if that is none that vrtm has begun."""
         self.quiet = quiet
         self.openjd = openjd
         self._verbose = verbose
         self._log: TextIO | None = None if log is None else _open_log(log)
+        self._progress = progress and not quiet
         self._bar = None
         self._total = self._done = 0
 
@@ -88,7 +94,7 @@ class Console:
         """Begins to count tasks up to `total`."""
         self._total = total
         self.status(message)
-        if not (self.quiet or self.openjd) and sys.stderr is not None and sys.stderr.isatty():
+        if self._progress and not self.openjd and sys.stderr is not None and sys.stderr.isatty():
             from tqdm import tqdm
 
             self._bar = tqdm(total=total, file=sys.stderr, dynamic_ncols=True, leave=False)
@@ -100,7 +106,7 @@ class Console:
             with contextlib.suppress(OSError, ValueError):
                 self._bar.set_postfix_str(message, refresh=False)
                 self._bar.update()
-        elif not self.quiet:
+        elif self._progress:
             self._put(sys.stdout, f"[{self._done}/{self._total}] {message}")
         self._note("info", f"[{self._done}/{self._total}] {message}")
         self._say_progress()
