@@ -49,6 +49,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
+    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench {
         args.grid = args.grid.min(64);

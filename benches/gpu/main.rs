@@ -47,6 +47,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
+    vrtm_testkit::at_root();
     match run(&Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {

@@ -43,6 +43,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
+    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench && args.one.is_none() {
         (args.grids, args.shares, args.out) = (vec![256], vec![0.25], None);

@@ -69,6 +69,7 @@ fn size(text: &str) -> std::result::Result<[u32; 2], String> {
 }
 
 fn main() -> ExitCode {
+    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench {
         if vrtm::adapters().is_empty() {

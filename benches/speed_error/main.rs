@@ -66,6 +66,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
+    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if args.quick || !args.bench {
         args.quick = true;

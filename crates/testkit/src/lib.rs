@@ -24,7 +24,7 @@ pub mod table;
 pub mod cases;
 
 pub use asset::{CollarOfChart, CollarTriangleInSpace, Lab, ReferenceMinimum};
-pub use files::{assets, obj};
+pub use files::{assets, at_root, obj};
 pub use gpu::{backend, gpu, has_gpu};
 pub use model::{
     Model, analytic, bits, cpu, dilation, doubles, fetch, floats, on_all_cores, options, set_grid, view,
