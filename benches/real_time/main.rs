@@ -64,7 +64,6 @@ impl Effort {
 }
 
 fn main() {
-    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench {
         (args.grids, args.repeats) = (vec![128], 1);

@@ -1,5 +1,7 @@
 //! The features that a result has left worse than without the warp, as rings on the surface.
 
+use std::ops::Range;
+
 use super::answer::{Answer, Maps};
 use crate::brush::pick::Hit;
 
@@ -16,14 +18,11 @@ pub fn rings(model: &Model, answer: &Answer) -> [Vec<(Hit, f32)>; 2] {
     let of = |redirected: bool| {
         let tiles = model.tiles.iter().zip(&answer.tiles);
         let rings = tiles.flat_map(|(tile, solved)| {
-            let triangles = &model.triangles[tile.range.clone()];
             let maps = if redirected { &solved.maps } else { &original };
             let worst = solved.report.strain.as_ref().map_or(&[][..], |strain| strain.worst());
             worst.iter().filter_map(|feature| {
                 let uv = maps.warped(feature.uv.map(|x| x - x.floor()));
-                let (triangle, mut ring) = ring(triangles, &answer.positions, uv, feature.area)?;
-                ring.0.triangle = tile.range.start + triangle;
-                Some(ring)
+                ring(&model.triangles, tile.range.clone(), &answer.positions, uv, feature.area)
             })
         });
         rings.collect()
@@ -31,26 +30,28 @@ pub fn rings(model: &Model, answer: &Answer) -> [Vec<(Hit, f32)>; 2] {
     [of(false), of(true)]
 }
 
-/// The triangle at a UV, and the ring there around a part of this area of the UV plane.
+/// The ring around a part of this area of the UV plane, at the UV's place on one of these triangles.
 fn ring(
     triangles: &[Triangle],
+    mut these: Range<usize>,
     positions: &[[f32; 3]],
     uv: [f32; 2],
     area: f32,
-) -> Option<(usize, (Hit, f32))> {
-    triangles.iter().enumerate().find_map(|(k, triangle)| {
-        let [a, b, c] = triangle.uvs.map(|of| [0, 1].map(|k| of[k] as f32 - uv[k]));
+) -> Option<(Hit, f32)> {
+    these.find_map(|triangle| {
+        let Triangle { uvs, vertices, .. } = triangles[triangle];
+        let [a, b, c] = uvs.map(|of| [0, 1].map(|k| of[k] as f32 - uv[k]));
         let side = |p: [f32; 2], q: [f32; 2]| p[0] * q[1] - p[1] * q[0];
         let weights = [side(b, c), side(c, a), side(a, b)];
         let sum: f32 = weights.iter().sum();
         if sum == 0.0 || weights.iter().any(|weight| weight * sum < 0.0) {
             return None;
         }
-        let [a, b, c] = triangle.vertices.map(|v| positions[v as usize]);
+        let [a, b, c] = vertices.map(|v| positions[v as usize]);
         let position = [0, 1, 2].map(|k| (weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]) / sum);
         let normal = cross(minus(b, a), minus(c, a));
         let radius = WIDE * (area * length(normal) / sum.abs() / std::f32::consts::PI).sqrt();
-        Some((k, (Hit { triangle: 0, position, normal: unit(normal), depth: 0.0 }, radius)))
+        Some((Hit { triangle, position, normal: unit(normal), depth: 0.0 }, radius))
     })
 }
 
@@ -65,11 +66,12 @@ mod tests {
         let triangles = [triangle([0, 1, 2], low), triangle([1, 3, 2], high)];
         // Eight times as long as in the plane along u, twice along v.
         let positions = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 1.0, 1.0], [4.0, 1.0, 1.0]];
-        let (found, (hit, radius)) = ring(&triangles, &positions, [0.4, 0.4], 0.01).expect("it is inside");
-        assert_eq!((found, hit.normal), (1, [0.0, 0.0, 1.0]));
+        let find = |uv| ring(&triangles, 0..2, &positions, uv, 0.01);
+        let (hit, radius) = find([0.4, 0.4]).expect("it is inside");
+        assert_eq!((hit.triangle, hit.normal), (1, [0.0, 0.0, 1.0]));
         assert!(length(minus(hit.position, [3.2, 0.8, 1.0])) < 1e-5, "{:?}", hit.position);
         let disc = std::f32::consts::PI * (radius / WIDE).powi(2);
         assert!((disc - 0.16).abs() < 1e-5, "{disc}");
-        assert!(ring(&triangles, &positions, [0.6, 0.4], 0.01).is_none());
+        assert!(find([0.6, 0.4]).is_none());
     }
 }

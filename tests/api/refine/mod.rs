@@ -354,11 +354,9 @@ fn strain_comes_down_to_that_by_the_map() {
         let measured = strain::Measured::new(&model, frame, &asset, &warp);
         let (before, corners) = (measured.before(), measured.by_corners());
         let map = measured.by_map(&warp);
-        let own = asset.refine(&RefinementSettings { max_triangles: Some(1), ..with(1.0) }).unwrap().info();
-        println!(
-            "{}: before {before:.4}, corner UVs {corners:.4} on {} triangles",
-            model.name, own.triangles
-        );
+        let one = RefinementSettings { max_triangles: Some(1), ..with(1.0) };
+        let own = asset.refine(&one).unwrap().info().triangles;
+        println!("{}: before {before:.4}, corner UVs {corners:.4} on {own} triangles", model.name);
         let mut last = corners;
         for texels in [256.0, 512.0, 1024.0, 2048.0] {
             let refinement = asset.refine(&with(0.5 / texels)).unwrap();
