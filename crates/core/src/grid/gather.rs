@@ -52,7 +52,8 @@ impl Gather {
         let mut joined = Gather { starts: zeroed(1), entries: Vec::new() };
         for (gather, &first) in gathers.zip(firsts) {
             let before = joined.entries.len() as u32;
-            joined.starts.extend(gather.starts[1..].iter().map(|start| before + start));
+            // A grid of one level has none.
+            joined.starts.extend(gather.starts.iter().skip(1).map(|start| before + start));
             joined.entries.extend(gather.entries.iter().map(|&(t, share)| (t + first as u32, share)));
         }
         joined
