@@ -1258,7 +1258,7 @@ typedef struct vrtm_tile_settings {
     // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE.
     vrtm_open_borders open_borders;
     // Stiffness, 0..16, that a painted feature gains where it would come out worse than without the warp. At 0 all
-    // features give way alike, and in a crowd some come out worse. For VRTM_SOLVER_DESCENT. 0 to 16; default 5.
+    // features give way alike, and in a crowd some come out worse. For VRTM_SOLVER_DESCENT. 0 to 16; default 7.
     float harm;
 } vrtm_tile_settings;
 
@@ -2249,7 +2249,7 @@ VRTM_DEFINE_INIT_WITH_(vrtm_tile_settings,
     value.room = 0.3f;
     value.room_threshold = 0.4f;
     value.seam_reach = 0.03125f;
-    value.harm = 5.0f;)
+    value.harm = 7.0f;)
 VRTM_DEFINE_INIT_WITH_(vrtm_solve_options,
     value.pbd.iterations = 16;
     value.pbd.smoothing = 0.8f;

@@ -16,6 +16,7 @@ const NEAR_BOUND_STIFFNESS: f32 = 10.0;
 const TANGENT_WEIGHT: f32 = 0.15;
 const HOLD: f32 = 4.0;
 const HARM_MARGIN: f32 = 0.01;
+const HARM_ONSET: f32 = 0.03;
 const MULTIPLIER_STEPS: f32 = 1024.0;
 const MOST_MULTIPLIER: f32 = 31.0;
 const WARM_MULTIPLIER: f32 = 0.9;

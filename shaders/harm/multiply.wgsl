@@ -32,9 +32,9 @@ fn multiply(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     if t == 0u {
         let edges = features[list + pieces + feature];
         let mean = sums[0] / f32(max(edges, 1u));
-        let bound = sqrt(mean.x + HARM_MARGIN * HARM_MARGIN);
         let now = sqrt(mean.y);
-        let growth = select(0.0, (now - bound) / now, now > bound && edges >= LEAST_EDGES);
+        let harm = now - sqrt(mean.x + HARM_MARGIN * HARM_MARGIN);
+        let growth = select(0.0, harm / now * (harm / (harm + HARM_ONSET)), harm > 0.0 && edges >= LEAST_EDGES);
         let grown = min(multipliers[feature] * params.kept + params.factor * growth, MOST_MULTIPLIER);
         multipliers[feature] = floor(grown * MULTIPLIER_STEPS + 0.5) / MULTIPLIER_STEPS;
     }

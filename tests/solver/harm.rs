@@ -41,7 +41,7 @@ fn errors(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> (usize, usize, f64
 #[test]
 fn it_is_a_number_from_0_to_16() {
     let mut asset = Model::from(analytic::bulge()).asset(1, 32);
-    assert_eq!(asset.settings(0).unwrap().harm, 5.0);
+    assert_eq!(asset.settings(0).unwrap().harm, 7.0);
     for bad in [-0.1, 16.1, f32::NAN, f32::INFINITY] {
         let settings = TileSettings { harm: bad, ..TileSettings::default() };
         let error = asset.set_settings(0, &settings).unwrap_err().to_string();
@@ -53,7 +53,7 @@ fn it_is_a_number_from_0_to_16() {
 fn hardly_a_feature_comes_out_worse() {
     let model = crowd();
     let mut asset = model.asset(0, 512);
-    let [with, without] = [5.0, 0.0].map(|harm| {
+    let [with, without] = [7.0, 0.0].map(|harm| {
         set(&mut asset, harm);
         let pose = solve(&model, &mut asset, 1.0, false);
         errors(&model, &pose, &asset)
@@ -65,7 +65,7 @@ fn hardly_a_feature_comes_out_worse() {
 #[test]
 fn nothing_changes_where_none_is_worse() {
     let model = Model::from(analytic::squash(0.7));
-    let [with, without] = [5.0, 0.0].map(|harm| {
+    let [with, without] = [7.0, 0.0].map(|harm| {
         let mut asset = model.asset(0, 256);
         set(&mut asset, harm);
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
@@ -88,7 +88,7 @@ fn it_leaves_nothing_behind() {
     assert!(solved(&mut four, 1.0) == expected);
     set(&mut four, 0.0);
     assert!(solved(&mut four, 1.0) != expected);
-    set(&mut four, 5.0);
+    set(&mut four, 7.0);
     assert!(solved(&mut four, 1.0) == expected);
 }
 
@@ -96,7 +96,7 @@ fn it_leaves_nothing_behind() {
 fn the_papers_solver_does_not_have_it() {
     let model = Model::from(creature());
     let pbd = SolveOptions { solver: Solver::Pbd, ..SolveOptions::default() };
-    let [with, without] = [5.0, 0.0].map(|harm| {
+    let [with, without] = [7.0, 0.0].map(|harm| {
         let mut asset = model.asset(0, 64);
         set(&mut asset, harm);
         asset.solve(model.frame(4), &pbd).unwrap();

@@ -136,7 +136,7 @@ fn motions() -> Vec<Motion> {
         (analytic::shear(0.5), 0.116),
         (analytic::torus(), 1.10),
         (mug_to_jug(), 0.38),
-        (creature(), 0.536),
+        (creature(), 0.105),
         (arm(), 0.143),
     ];
     let mut list: Vec<Motion> =

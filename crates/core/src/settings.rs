@@ -204,7 +204,7 @@ settings! {
         pub open_borders: OpenBorders = OpenBorders::Fixed;
         /// Stiffness, 0..16, that a painted feature gains where it would come out worse than without the warp. At 0
         /// all features give way alike, and in a crowd some come out worse. For [`Solver::Descent`].
-        pub harm: f32 = 5.0, 0.0 to 16.0;
+        pub harm: f32 = 7.0, 0.0 to 16.0;
     }
 }
 

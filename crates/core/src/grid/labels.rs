@@ -164,16 +164,11 @@ fn join(level: &Level, blocks: &mut [OfBlock]) -> usize {
         of_piece.for_each(|(piece, &root)| piece[0] = numbers[root as usize]);
         if own.iter().any(|piece| piece[0] == NONE) {
             let mut kept = 0;
-            let renumbered: Vec<u16> = own
-                .iter()
-                .map(|piece| match piece[0] {
-                    NONE => 0,
-                    _ => {
-                        kept += 1;
-                        kept
-                    }
-                })
-                .collect();
+            let number = |piece: &[u32; 2]| {
+                kept += u16::from(piece[0] != NONE);
+                if piece[0] == NONE { 0 } else { kept }
+            };
+            let renumbered: Vec<u16> = own.iter().map(number).collect();
             for tag in tags.iter_mut().filter(|tag| **tag != 0) {
                 let piece = renumbered[usize::from(*tag & 0xff) - 1];
                 *tag = if piece == 0 { 0 } else { *tag & 0xff00 | piece };

@@ -45,6 +45,8 @@ constants! {
 
     /// Strain of a feature that does not count as harm (method §4, Harm).
     HARM_MARGIN: f32 = 0.01;
+    /// Harm over which the growth of a multiplier bends: with a kink, features that begin to be worse would jerk.
+    HARM_ONSET: f32 = 0.03;
     /// Stored multipliers are multiples of 1 / this.
     MULTIPLIER_STEPS: f32 = 1024.0;
     /// Largest multiplier: its code has 15 bits.
@@ -111,8 +113,9 @@ constants! {
 /// The growth of a feature's multiplier, in units of H, from the mean squares of its strain without a warp and with it
 /// (method §4, Harm).
 pub fn growth(before: f32, now: f32) -> f32 {
-    let (bound, now) = ((before + HARM_MARGIN * HARM_MARGIN).sqrt(), now.sqrt());
-    if now > bound { (now - bound) / now } else { 0.0 }
+    let now = now.sqrt();
+    let harm = now - (before + HARM_MARGIN * HARM_MARGIN).sqrt();
+    if harm > 0.0 { harm / now * (harm / (harm + HARM_ONSET)) } else { 0.0 }
 }
 
 /// H on a level.
