@@ -234,6 +234,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         default=HALF,
     )
     add("--gltf", "Also write the mesh as glTF with UV morph targets, for engines and materials without a map.")
+    text = "Also write the mesh as USD with blend shapes, and one with its UVs as points, for scripts that blend UVs."
+    add("--blend-shapes", text)
     add(
         "--controls",
         "The frames are poses of a rig, and this table (CSV) has the values of its controls: a first line 'frame' and "
@@ -326,6 +328,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         type=whole(0, 1 << 31),
     )
     add("--strict", "End with exit code 2 if anything is not baked unintentionally.")
+    text = "Do not read back what was written, to compare it with what was meant."
+    add("--no-check", text, dest="check", action="store_false")
     add("--texture-size", "Texels of the texture per side, for errors.", "N", type=whole(1, 1 << 20), default=4096)
 
     add = group("messages")
@@ -340,7 +344,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
 
 
 _NEEDED_BY = {
-    "--basis": ("--controls", "--gltf", "--basis-format", "--held-out"),
+    "--basis": ("--controls", "--gltf", "--blend-shapes", "--basis-format", "--held-out"),
     "--carry-prims": ("--carry", "--carry-farthest", "--carry-fit", "--carry-pieces"),
     "--layer": ("--root", "--freeze", "--only-layer"),
     "--warm": ("--temporal-weight",),
@@ -349,6 +353,7 @@ _EXCLUDES = {
     "--rigidity": ("--rigidity-primvar",),
     "--mask": ("--mask-primvar",),
     "--gltf": ("--subsets",),
+    "--blend-shapes": ("--subsets",),
     "--basis": ("--only-layer", "--texture-uv", "--tiles"),
     "--carry-prims": ("--only-layer", "--subsets", "--tiles"),
     "--only-layer": ("--sheet",),

@@ -9,14 +9,16 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 import vrtm
-from vrtm.bake.carry_parts import Nearest, in_parts, wrong_faces
-from vrtm.bake.carry_prims import CarriedPrim, Scatter, placed
+from vrtm.bake import overwrite
+from vrtm.bake.carry_parts import Nearest, in_parts
+from vrtm.bake.carry_prims import CarriedPrim, Pose, Scatter
 from vrtm.bake.failure import INPUT, Failure, describe, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
-from vrtm.bake.scene import Scene, SceneError
+from vrtm.bake.scene import SceneError
 from vrtm.bake.scene.topology import fans
+from vrtm.bake.scene.world import placed
 from vrtm.bake.settings import CONNECTED, is_alembic
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work
@@ -43,13 +45,16 @@ class Carry:
             raise Failure(INPUT, f"--carry {file}: no such file")
         self.work, self.file = work, file
         with work.scene.listening():
-            self.scatter = _opened(file, work.scene)
+            self.scatter = _opened(file, work)
             self.files = self.scatter.files
             prims = self._prims()
         self.groups = self._grouped(prims)
+        self.paths = {prim.path for group in self.groups for prim in group.prims}
+        self.left_out = self.scatter.left_out
         told = [line for group in self.groups for line in group.told()]
+        self._meant: dict[str, tuple[CarriedPrim, list[float], list[Pose]]] = {}
         self.warnings = [*self.scatter.warnings, *told]
-        if all((group.states == _TOO_FAR).all() for group in self.groups):
+        if self.groups and all((group.states == _TOO_FAR).all() for group in self.groups):
             raise Failure(INPUT, f"--carry-prims: {told[0]}: {file} must be in the world of the mesh at rest")
 
     def facts(self) -> list[str]:
@@ -66,6 +71,11 @@ class Carry:
         settings = self.work.settings
         path = settings.carry_file
         assert path is not None
+        if not self.groups:
+            # One of an earlier bake would move what stays now.
+            if os.path.isfile(path) and overwrite.is_ours(path):
+                os.remove(path)
+            return [], False
         with self.work.scene.listening():
             inputs = self._inputs(stop)
             known = self.scatter.known(path, inputs) if os.path.isfile(path) else None
@@ -79,17 +89,24 @@ class Carry:
                 raise unwritable(path, error) from error
         return rows, True
 
+    def differences(self) -> Iterator[str]:
+        """The differences of the file, as its readers find it, from what it was meant to say; none if it was not
+        written."""
+        path = self.work.settings.carry_file
+        with self.work.scene.listening():
+            for prim, times, poses in self._meant.values():
+                yield from (
+                    f"{path}: {prim.path}: {found}" for found in self.scatter.differences(path, prim, times, poses)
+                )
+
     def _prims(self) -> list[CarriedPrim]:
         work, settings = self.work, self.work.settings
         baked = [path for shape in work.shapes for path in shape.instances if self.file == settings.scene]
         self._rest = work.scene.source.rest_frame(work.shapes[0])
         prims: dict[str, CarriedPrim] = {}
         for path in settings.carry_prims:
-            for prim in self.scatter.prims(path, self._rest, baked, settings.carry_pieces == CONNECTED):
-                why = wrong_faces(prim)
-                if why is not None:
-                    raise Failure(INPUT, f"--carry-prims {path}: {self.file} {prim.path}: {why}")
-                prims[prim.path] = prim
+            found = self.scatter.prims(path, self._rest, baked, settings.carry_pieces == CONNECTED)
+            prims |= {prim.path: prim for prim in found}
         return list(prims.values())
 
     def _to_mesh(self, mesh: MeshWork, prim: CarriedPrim) -> np.ndarray:
@@ -154,7 +171,13 @@ class Carry:
                 for prim, to_mesh, own in zip(group.prims, group.to_mesh, group.own):
                     from_mesh = self._from_mesh(mesh, prim, frame)
                     bound = group.states[own] != _TOO_FAR
-                    self.scatter.add(prim, time, *prim.moved(places[own], turns[own], bound, to_mesh, from_mesh))
+                    moved = prim.moved(places[own], turns[own], bound, to_mesh, from_mesh)
+                    self.scatter.add(prim, time, *moved)
+                    world = placed(moved[0], self.scatter.to_world(prim, frame))
+                    _, times, poses = self._meant.setdefault(prim.path, (prim, [], []))
+                    times.append(time)
+                    # The first and the last one.
+                    poses[1:] = [Pose(frame, time, *moved, world)]
             rows.append(group.row() | {"features": features, "rim": worst[0], "rim_frame": worst[1]})
         return rows
 
@@ -229,7 +252,7 @@ def line(row: dict) -> str:
     )
 
 
-def _opened(file: str, scene: Scene) -> Scatter:
+def _opened(file: str, work: Work) -> Scatter:
     if is_alembic(file):
         from vrtm.bake.scene.alembic_file import AlembicFile
 
@@ -237,10 +260,10 @@ def _opened(file: str, scene: Scene) -> Scatter:
         archive = AlembicFile(file)
         from vrtm.bake.carry_abc import AlembicScatter
 
-        return AlembicScatter(archive, scene)
+        return AlembicScatter(archive, work.scene)
     from vrtm.bake.carry_usd import UsdScatter
 
-    return UsdScatter(file, scene)
+    return UsdScatter(file, work.scene, work.frames)
 
 
 def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:

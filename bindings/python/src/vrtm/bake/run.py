@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import os
 import time
@@ -10,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 
-from vrtm.bake import basis_maps, carry, layer_file, left_out, pool, report, sheet, staging
+from vrtm.bake import basis_maps, carry, layer_file, left_out, pool, read_back, report, sheet, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
@@ -57,6 +58,8 @@ class _Made:
     carried: list[dict] = field(default_factory=list)
     """Rows of the report about geometry on the skin."""
     carried_is_new: bool = False
+    differences: list[read_back.Differences] = field(default_factory=list)
+    """Readers of what was written."""
     failure: Failure | None = None
     """The first failure that ends a bake at once, or that its results are."""
 
@@ -124,6 +127,9 @@ def _opened(settings: Settings, say: Remarks, stop: Stop, opened: contextlib.Exi
     if settings.basis:
         basis_maps.check(work)
     carried = carry.Carry(work) if settings.carry_prims else None
+    if carried is not None:
+        # What is carried needs no maps.
+        work.left_out = [*(of for of in work.left_out if of.mesh not in carried.paths), *carried.left_out]
     of_layer = layer_file.names(settings)[1:] if settings.layer else ()
     work.check_files(of_layer, carried.files if carried else ())
     say.opened(work, carried)
@@ -157,15 +163,30 @@ def _made(baking: _Bake) -> _Made:
         if baking.carried is not None:
             console.status("carrying what is on the skin")
             made.carried, made.carried_is_new = baking.carried.write(baking.stop.check, baking.say.warn)
+            made.differences.append(baking.carried.differences)
             baking.say.info(*(f"{settings.carry_file}: {carry.line(row)}" for row in made.carried))
         if settings.layer:
             console.status(f"writing {settings.layer}")
-            notes, idle = layer_file.write(baking.work)
+            notes, idle, differences = layer_file.write(baking.work)
             baking.say.warn(*notes)
             made.failure = made.failure or idle
+            made.differences.append(differences)
+        if settings.check:
+            made.failure = made.failure or _read_back(baking, made)
     except Exception as error:
         made.failure = describe(error)
     return made
+
+
+def _read_back(baking: _Bake, made: _Made) -> Failure | None:
+    """Opens the results as those do who take them, and returns the failure of one that is not as meant."""
+    start, work = time.perf_counter(), baking.work
+    baking.say.console.status("reading back what was written")
+    maps = [] if work.settings.only_layer else [functools.partial(read_back.maps, work, made.results)]
+    meshes = [functools.partial(read_back.morphed, work, *of) for of in made.basis.meshes]
+    found = read_back.failure([*maps, *meshes, *made.differences])
+    baking.say.console.verbose(f"read back in {time.perf_counter() - start:.2f} s")
+    return found
 
 
 def _sweep(work: Work) -> None:

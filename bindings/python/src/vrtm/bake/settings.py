@@ -74,6 +74,7 @@ class Settings:
     report: str | None = None
     overwrite: bool = False
     strict: bool = False
+    check: bool = True
     allow_units: bool = False
     dry_run: bool = False
     log: str | None = None
@@ -86,6 +87,7 @@ class Settings:
     basis: bool = False
     basis_format: str = "half"
     gltf: bool = False
+    blend_shapes: bool = False
     controls: str | None = None
     held_out: tuple[Frame, ...] | None = None
     texture_size: int = 4096

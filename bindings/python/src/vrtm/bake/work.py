@@ -323,8 +323,7 @@ class Work(contextlib.AbstractContextManager):
                 yield from mesh.names(frame, self.pattern)
             if self.settings.basis and mesh.gains:
                 yield self.basis_file(mesh.shape.name)
-                if self.settings.gltf:
-                    yield self.basis_file(mesh.shape.name, ".glb")
+                yield from self.geometry_files(mesh.shape.name).values()
                 # There may be as many basis maps as frames.
                 numbers = range(len(self.frames))
                 of = ending(self.settings.basis_format)
@@ -335,6 +334,11 @@ class Work(contextlib.AbstractContextManager):
     def basis_file(self, mesh: str, ending: str = ".json") -> str:
         """The path of a mesh's weights of basis maps, or of its morph targets."""
         return os.path.join(self.settings.out, (f"{mesh}." if len(self.shapes) > 1 else "") + f"basis{ending}")
+
+    def geometry_files(self, mesh: str) -> dict[str, str]:
+        """The files of a mesh with its morph targets, by their kind."""
+        asked = {"gltf": (self.settings.gltf, ".glb"), "blend_shapes": (self.settings.blend_shapes, ".usdc")}
+        return {kind: self.basis_file(mesh, ending) for kind, (wanted, ending) in asked.items() if wanted}
 
     def sheets(self) -> dict[str, str]:
         """The file of each mesh's sheet, if sheets are to be drawn."""

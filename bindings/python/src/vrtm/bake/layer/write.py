@@ -14,7 +14,7 @@ from vrtm.bake.layer.networks import MTLX_IMAGES, Redirector
 from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene, SceneOptions, Shape
-from vrtm.bake.scene.usd_stage import assets, marked
+from vrtm.bake.scene.usd_stage import assets, instances_above, marked
 from vrtm.bake.words import others
 
 # Metadata of a whole stage in its root layer. Layers with other time codes per second would be scaled in time.
@@ -222,11 +222,9 @@ class _Author:
 
     def _split_instances(self, path: Sdf.Path, warnings: list[str]) -> None:
         """Makes plain prims of the instances above a prim: an instance's parts cannot be changed one by one."""
-        for prefix in path.GetPrefixes():
-            prim = self.stage.GetPrimAtPath(prefix)
-            if prim and prim.IsInstanceable():
-                self.stage.OverridePrim(prefix).SetInstanceable(False)
-                warnings.append(f"{prefix}: is no instance any more, since what is inside is redirected")
+        for instance in instances_above(self.stage, path):
+            self.stage.OverridePrim(instance).SetInstanceable(False)
+            warnings.append(f"{instance}: is no instance any more, since what is inside is redirected")
 
 
 def bindings_of(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:

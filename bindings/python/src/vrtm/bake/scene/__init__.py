@@ -96,6 +96,10 @@ class Scene(AbstractContextManager):
             )
         return positions
 
+    def seconds(self, frame: float) -> float:
+        """The time of a frame."""
+        return self.clock.time(frame) / self.source.codes
+
     def close(self) -> None:
         self.source.close()
 

@@ -19,6 +19,7 @@ from vrtm.bake.scene.refine import Cage
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole
 from vrtm.bake.scene.topology import check_mesh, corner_elements, matches, per_vertex, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.world import World
 
 
 class AlembicSource(PosedSource["AlembicShape"]):
@@ -26,6 +27,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         super().__init__(path, options)
+        self.codes, self.world = 1.0, World()
         if isinstance(options.fps, (int, float)) and not options.fps > 0:
             raise SceneError(f"{path}: {options.fps} frames per second")
         self.files = (path,)
@@ -125,6 +127,8 @@ class AlembicShape(PosedMesh):
             [self._values(primvar) for primvar in (self._options.rigidity_primvar, self._options.mask_primvar)],
             self._cage if hasattr(self._mesh.schema, "getCreaseIndicesProperty") else None,
             uv_name=self._uv_name,
+            # As RenderMan has them.
+            left_handed=True,
         )
 
     @property

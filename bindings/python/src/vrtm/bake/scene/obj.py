@@ -21,6 +21,7 @@ from vrtm.bake.scene.poses import find_poses
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.world import World
 
 _LAST = np.iinfo(np.int32).max
 _DIGITS = 1000
@@ -36,7 +37,8 @@ class ObjSource:
         self.warnings: list[str] = []
         self.left_out: list[LeftOut] = []
         self.has_subframes = False
-        self.clock, self.rate = Clock(), ""
+        # Files with numbers have no times: 24 a second, as films.
+        self.clock, self.codes, self.rate, self.world = Clock(), 24.0, "", World()
         self._mesh = read_obj(path)
         self._last: dict[str, np.ndarray] = {}
         if len(self._mesh.counts) == 0:
@@ -123,6 +125,10 @@ class ObjSource:
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) f64 of the pose's file; its faces, where it has some, must be those of the rest mesh."""
         return self._read(frame)
+
+    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
+        """(4, 4): nothing lies above the mesh."""
+        return np.eye(4)
 
     def close(self) -> None:
         """Nothing stays open."""

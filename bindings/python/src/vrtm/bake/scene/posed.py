@@ -220,8 +220,6 @@ class PosedSource(Generic[Mesh]):
         return self._meshes[shape.name].positions(frame)
 
     def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
-        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
-        world."""
         mesh = self._meshes[shape.name]
         return mesh.to_world(mesh.rest_frame if frame is None else frame)
 

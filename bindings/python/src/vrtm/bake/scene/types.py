@@ -11,6 +11,7 @@ import numpy as np
 import vrtm
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.timing import Clock
+from vrtm.bake.scene.world import World
 
 
 class SceneError(Exception):
@@ -115,6 +116,8 @@ class Shape:
     """True if the scene has one pose of it alone."""
     subsets: dict[str, np.ndarray] = field(default_factory=dict)
     """The faces of the subsets that materials are bound to, by their names."""
+    left_handed: bool = False
+    """True if the front of a face is where its corners go round clockwise."""
     cage_corners: np.ndarray | None = None
     """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
 
@@ -159,11 +162,19 @@ class Source(Protocol):
     has_subframes: bool
     """True if there are positions between two frames."""
     clock: Clock
+    codes: float
+    """Units of the clock's times per second: time codes, or 1."""
     rate: str
     """The rate of frames in words; empty if there is nothing to choose."""
+    world: World
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""
+        ...
+
+    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
+        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
+        world."""
         ...
 
     def close(self) -> None: ...

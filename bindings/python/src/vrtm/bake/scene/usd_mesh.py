@@ -94,7 +94,8 @@ class UsdMesh(PosedMesh):
             uv_name=self.uv.GetPrimvarName(),
             **further,
         )
-        return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first))
+        left_handed = self._mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
+        return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first), left_handed=left_handed)
 
     def _read_faces(self) -> Usd.TimeCode:
         """Reads the faces at the first frame, which it returns."""

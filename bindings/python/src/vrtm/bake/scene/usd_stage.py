@@ -17,6 +17,7 @@ from vrtm.bake.mark import is_carried, is_marked
 from vrtm.bake.scene.timing import FILE, Clock, rate
 from vrtm.bake.scene.topology import whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions
+from vrtm.bake.scene.world import World
 from vrtm.bake.words import cause, near
 
 _IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
@@ -103,6 +104,22 @@ def assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
             yield from (path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]))
         elif asset.resolvedPath:
             yield asset.resolvedPath
+
+
+def world_of(stage: Usd.Stage) -> World:
+    """The world of a stage, as far as its root layer says it."""
+    root = stage.GetPseudoRoot()
+    up, meters = (
+        root.GetMetadata(name) if root.HasAuthoredMetadata(name) else None
+        for name in (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.metersPerUnit)
+    )
+    return World(up and str(up), meters)
+
+
+def instances_above(stage: Usd.Stage, path: Sdf.Path | str) -> list[Sdf.Path]:
+    """The instances at and above a path, from above: layers change what is inside once they are plain prims."""
+    found = {prefix: stage.GetPrimAtPath(prefix) for prefix in Sdf.Path(path).GetPrefixes()}
+    return [prefix for prefix, prim in found.items() if prim and prim.IsInstanceable()]
 
 
 def authored_rate(stage: Usd.Stage) -> float | None:
