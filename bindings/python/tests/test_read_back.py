@@ -20,7 +20,7 @@ from vrtm.bake import basis_morphs, basis_shapes, carry_abc, carry_usd
 from vrtm.bake.layer import write
 from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.mesh_work import MeshWork
-from vrtm.bake.scene.world import World
+from vrtm.bake.scene.axes import Axes
 
 
 def carried(folder: Path, *more: object) -> str:
@@ -164,8 +164,8 @@ MISTAKES = {
         of(MeshWork._facts, lambda facts: facts | {"vrtm:frame": 7}),
         "frame is 7, not 1",
     ),
-    "an axis of glTF": (basis, basis_morphs, "GLTF", World(None, 1.0), "basis.glb: frame 1: it reaches from"),
-    "a unit of glTF": (basis, basis_morphs, "GLTF", World("Y"), "basis.glb: frame 1: it reaches from"),
+    "an axis of glTF": (basis, basis_morphs, "GLTF", Axes(None, 1.0), "basis.glb: frame 1: it reaches from"),
+    "a unit of glTF": (basis, basis_morphs, "GLTF", Axes("Y"), "basis.glb: frame 1: it reaches from"),
     "faces inside out": (
         basis,
         basis_morphs,

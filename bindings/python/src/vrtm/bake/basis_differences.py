@@ -8,8 +8,8 @@ import numpy as np
 
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.scene.axes import Axes, placed
 from vrtm.bake.scene.topology import fans
-from vrtm.bake.scene.world import World, placed
 from vrtm.bake.work import Work
 
 _NEAR = 2e-3
@@ -102,13 +102,13 @@ def of_usd(path: str, work: Work, mesh: MeshWork, frames: Sequence[Frame]) -> It
 
 def _meant(work: Work, mesh: MeshWork, frame: Frame, in_gltf: bool) -> Surface:
     """The mesh in its own space, or in the world of glTF, whose transforms stay as they are at rest."""
-    shape, world = mesh.shape, work.scene.source.world if in_gltf else World()
+    shape, axes = mesh.shape, work.scene.source.axes if in_gltf else Axes()
     to_world = work.scene.source.to_world(shape, None) if in_gltf else np.eye(4)
     points = placed(work.scene.positions(shape, frame).astype(np.float64), to_world)
-    if world.up == "Z":
+    if axes.up == "Z":
         points = points[:, [0, 2, 1]] * (1, 1, -1)
     triangles = fans(shape.face_counts)[np.repeat(shape.textured, np.maximum(shape.face_counts - 2, 0))]
     if shape.left_handed != (np.linalg.det(to_world[:3, :3]) < 0):
         triangles = triangles[:, ::-1]
     uvs = shape.uvs[shape.uv_indices[triangles]].astype(np.float64)
-    return Surface((world.meters or 1.0) * points[shape.indices[triangles]], uvs)
+    return Surface((axes.meters or 1.0) * points[shape.indices[triangles]], uvs)

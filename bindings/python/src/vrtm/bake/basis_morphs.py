@@ -11,8 +11,8 @@ import vrtm
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.raster import area
+from vrtm.bake.scene.axes import GLTF, placed
 from vrtm.bake.scene.topology import fans
-from vrtm.bake.scene.world import GLTF, placed
 from vrtm.bake.work import Work
 from vrtm.basis.gltf import Morph, glb
 from vrtm.basis.morph import morphs
@@ -130,7 +130,7 @@ def morphed(
 def to_gltf(work: Work, mesh: MeshWork) -> np.ndarray:
     """(4, 4) by which rows of positions of a mesh are multiplied to lie in the world of glTF as they do in the scene at
     rest."""
-    return work.scene.source.to_world(mesh.shape, None) @ work.scene.source.world.to(GLTF)
+    return work.scene.source.to_world(mesh.shape, None) @ work.scene.source.axes.to(GLTF)
 
 
 def _areas(uvs: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -17,8 +17,8 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.scene import SceneError
+from vrtm.bake.scene.axes import placed
 from vrtm.bake.scene.topology import fans
-from vrtm.bake.scene.world import placed
 from vrtm.bake.settings import CONNECTED, is_alembic
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work

@@ -8,8 +8,8 @@ import numpy as np
 
 from vrtm import borders
 from vrtm.bake.carry_prims import CarriedPrim
+from vrtm.bake.scene.axes import placed
 from vrtm.bake.scene.topology import next_corners
-from vrtm.bake.scene.world import placed
 
 _FOOT = 0.25
 """A part's foot is all that is at most this share of its radius farther from the surface than its nearest point."""

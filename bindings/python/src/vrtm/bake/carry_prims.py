@@ -11,7 +11,7 @@ import numpy as np
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.scene.world import placed
+from vrtm.bake.scene.axes import placed
 from vrtm.bake.words import near
 
 

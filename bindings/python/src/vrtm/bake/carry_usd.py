@@ -13,7 +13,7 @@ from vrtm.bake.layer.clips import export
 from vrtm.bake.layer.write import tell
 from vrtm.bake.mark import CARRIED, found_in, is_marked, mark
 from vrtm.bake.scene import Scene, SceneOptions
-from vrtm.bake.scene.usd_stage import instances_above, open_stage, stage_files, world_of
+from vrtm.bake.scene.usd_stage import axes_of, instances_above, open_stage, stage_files
 
 _KINDS = {"instances": UsdGeom.PointInstancer, "points": UsdGeom.Points, "curves": UsdGeom.BasisCurves}
 _KINDS["mesh"] = UsdGeom.Mesh
@@ -83,7 +83,7 @@ class UsdScatter(Scatter):
         return np.array(imageable.ComputeLocalToWorldTransform(Usd.TimeCode(self.time(frame)))) @ self._to_shot()
 
     def _to_shot(self) -> np.ndarray:
-        return world_of(self.stage).to(self._scene.source.world)
+        return axes_of(self.stage).to(self._scene.source.axes)
 
     def add(self, carried: CarriedPrim, time: float, points: np.ndarray, turns: np.ndarray | None) -> None:
         prim, own = self._prim(carried), Sdf.CreatePrimInLayer(self._layer, carried.path)

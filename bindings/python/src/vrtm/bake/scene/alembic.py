@@ -13,13 +13,13 @@ import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh
+from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.obj import rest_from_file
 from vrtm.bake.scene.posed import PosedMesh, PosedSource
 from vrtm.bake.scene.refine import Cage
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole
 from vrtm.bake.scene.topology import check_mesh, corner_elements, matches, per_vertex, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
-from vrtm.bake.scene.world import World
 
 
 class AlembicSource(PosedSource["AlembicShape"]):
@@ -27,7 +27,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         super().__init__(path, options)
-        self.codes, self.world = 1.0, World()
+        self.codes, self.axes = 1.0, Axes()
         if isinstance(options.fps, (int, float)) and not options.fps > 0:
             raise SceneError(f"{path}: {options.fps} frames per second")
         self.files = (path,)

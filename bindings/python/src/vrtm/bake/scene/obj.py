@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.poses import find_poses
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
-from vrtm.bake.scene.world import World
 
 _LAST = np.iinfo(np.int32).max
 _DIGITS = 1000
@@ -38,7 +38,7 @@ class ObjSource:
         self.left_out: list[LeftOut] = []
         self.has_subframes = False
         # Files with numbers have no times: 24 a second, as films.
-        self.clock, self.codes, self.rate, self.world = Clock(), 24.0, "", World()
+        self.clock, self.codes, self.rate, self.axes = Clock(), 24.0, "", Axes()
         self._mesh = read_obj(path)
         self._last: dict[str, np.ndarray] = {}
         if len(self._mesh.counts) == 0:

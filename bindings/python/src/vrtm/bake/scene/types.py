@@ -10,8 +10,8 @@ import numpy as np
 
 import vrtm
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.timing import Clock
-from vrtm.bake.scene.world import World
 
 
 class SceneError(Exception):
@@ -166,7 +166,7 @@ class Source(Protocol):
     """Units of the clock's times per second: time codes, or 1."""
     rate: str
     """The rate of frames in words; empty if there is nothing to choose."""
-    world: World
+    axes: Axes
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""

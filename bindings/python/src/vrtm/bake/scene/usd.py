@@ -16,13 +16,13 @@ from vrtm.bake.scene.usd_mesh import UsdMesh
 from vrtm.bake.scene.usd_skel import Skeletons
 from vrtm.bake.scene.usd_stage import (
     authored_rate,
+    axes_of,
     hidden,
     open_stage,
     stage_clock,
     stage_files,
     stage_frames,
     unreadable,
-    world_of,
 )
 from vrtm.bake.words import others
 
@@ -49,7 +49,7 @@ class UsdSource(PosedSource[UsdMesh]):
         self.rate = (
             f"{self.clock.frames:.6g} per second (timeCodesPerSecond {self.clock.times:g})" if options.fps else ""
         )
-        self.codes, self.world = self.stage.GetTimeCodesPerSecond(), world_of(self.stage)
+        self.codes, self.axes = self.stage.GetTimeCodesPerSecond(), axes_of(self.stage)
         self.frames = stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
         self._take([(mesh, tuple(paths)) for paths, mesh in self._chosen()])

@@ -14,10 +14,10 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 from vrtm.bake import overwrite
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mark import is_carried, is_marked
+from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.timing import FILE, Clock, rate
 from vrtm.bake.scene.topology import whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions
-from vrtm.bake.scene.world import World
 from vrtm.bake.words import cause, near
 
 _IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
@@ -106,14 +106,14 @@ def assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
             yield asset.resolvedPath
 
 
-def world_of(stage: Usd.Stage) -> World:
-    """The world of a stage, as far as its root layer says it."""
+def axes_of(stage: Usd.Stage) -> Axes:
+    """The axes of a stage, as far as its root layer says them."""
     root = stage.GetPseudoRoot()
     up, meters = (
         root.GetMetadata(name) if root.HasAuthoredMetadata(name) else None
         for name in (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.metersPerUnit)
     )
-    return World(up and str(up), meters)
+    return Axes(up and str(up), meters)
 
 
 def instances_above(stage: Usd.Stage, path: Sdf.Path | str) -> list[Sdf.Path]:

@@ -1,4 +1,4 @@
-"""The world that a file's coordinates are of."""
+"""Axes and units of files, and points in them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class World:
-    """Axes and unit, as far as a file says them. All worlds are right-handed."""
+class Axes:
+    """The axes of a file's world and its unit, as far as the file says them. All worlds are right-handed."""
 
     up: str | None = None
     """`Y` or `Z`."""
     meters: float | None = None
     """Meters of the unit."""
 
-    def to(self, other: World) -> np.ndarray:
-        """(4, 4) by which rows of points of this world are multiplied to lie in another, as far as both say what they
-        differ by."""
+    def to(self, other: Axes) -> np.ndarray:
+        """(4, 4) by which rows of points along these axes are multiplied to lie along others, as far as both say what
+        they differ by."""
         matrix = np.eye(4)
         if {self.up, other.up} == {"Y", "Z"}:
             # What was up is up, and x stays.
@@ -29,7 +29,7 @@ class World:
         return matrix
 
 
-GLTF = World("Y", 1.0)
+GLTF = Axes("Y", 1.0)
 
 
 def placed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
