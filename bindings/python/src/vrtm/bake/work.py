@@ -21,6 +21,7 @@ from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
+from vrtm.bake.neighbours import Neighbours
 from vrtm.bake.part import Given, Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
@@ -59,10 +60,10 @@ class Work(contextlib.AbstractContextManager):
         self.frames, self.missing_frames = self._present_frames()
         self.units: dict[str, tuple[units.Units, units.Finding]] = {}
         """Of the meshes, by name, with what was found of all of their frames."""
-        in_units = [self._in_units(shape) for shape in self.scene.shapes]
-        self.shapes = [shape for shape in in_units if not self._stays(shape)]
+        self._every_shape = [self._in_units(shape) for shape in self.scene.shapes]
+        self.shapes = [shape for shape in self._every_shape if not self._stays(shape)]
         """The meshes to bake: those that deform, and those that are named."""
-        still = [shape.path for shape in in_units if shape not in self.shapes]
+        still = [shape.path for shape in self._every_shape if shape not in self.shapes]
         self._check_shapes(still)
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         known = {} if choices is None else choices.borders
@@ -170,13 +171,13 @@ class Work(contextlib.AbstractContextManager):
             given = Given(self.settings, shape, self.device, copies)
             if known is not None:
                 return MeshWork(given, known)
-            return borders.mesh(given, self.scene, lambda: self._shared_places)
+            return borders.mesh(given, self.scene, lambda: self._neighbours)
         except (vrtm.Error, ValueError) as error:
             raise describe(error, f"{self.settings.scene} {shape.path}") from error
 
     @functools.cached_property
-    def _shared_places(self) -> np.ndarray:
-        return borders.shared_places(self.scene.shapes, self.settings.weld)
+    def _neighbours(self) -> Neighbours:
+        return Neighbours(self.scene, self._every_shape)
 
     def _pattern(self, copies: tuple[warped.Copy, ...]) -> Pattern:
         several = len(self.shapes) > 1

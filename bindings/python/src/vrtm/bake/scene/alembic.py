@@ -6,7 +6,7 @@ Frame N is at N / fps seconds, in the file's own rate by default; between two sa
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
             raise SceneError(f"{path}: {options.fps} frames per second")
         self.files = (path,)
         self._file = AlembicFile(path)
+        self._others: list[AlembicMesh] = []
         chosen = self._chosen()
         moving = [mesh for mesh, _ in chosen if mesh.times(options.world)]
         self.clock = self._clocked(moving)
@@ -47,8 +48,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
             # As long as they are scaled alike.
             identity = (mesh.origin, posed.scaled_alike() if options.world else "")
             groups.setdefault(identity, []).append(posed)
-        found = [(group[0], tuple(instance.path for instance in group)) for group in groups.values()]
-        self._take(found)
+        self._take(list(groups.values()))
 
     def _clocked(self, meshes: list[AlembicMesh]) -> Clock:
         """The clock of the samples of meshes, with warnings of those that it does not fit."""
@@ -77,13 +77,17 @@ class AlembicSource(PosedSource["AlembicShape"]):
 
     def _chosen(self) -> list[tuple[AlembicMesh, Any]]:
         options, chosen = self._options, []
-        for mesh in filter(lambda mesh: self._takes(mesh.path), self._file.meshes()):
+        for mesh in self._file.meshes():
+            if not self._takes(mesh.path):
+                self._others.append(mesh)
+                continue
             if mesh.hidden:
                 self._leave_out(mesh.path, "is hidden", True)
                 continue
             sets = (mesh.uvs(name) for name in options.uv_names or (None,))
             uvs = next((found for found in sets if found is not None), None)
             if uvs is None:
+                self._others.append(mesh)
                 self._leave_out(mesh.path, f"has no UVs{options.uv_text}", mesh.is_still(options))
             else:
                 chosen.append((mesh, uvs))
@@ -94,6 +98,10 @@ class AlembicSource(PosedSource["AlembicShape"]):
         ]
         self._check_chosen(chosen)
         return chosen
+
+    def _unbaked(self) -> Iterator[AlembicShape]:
+        shown = (mesh for mesh in self._others if not mesh.hidden)
+        return (AlembicShape(mesh, (None,) * 4, self._options, self.frames, self.clock) for mesh in shown)
 
     def close(self) -> None:
         self._meshes.clear()
@@ -109,9 +117,7 @@ class AlembicShape(PosedMesh):
         self._uvs, self._elements, self._interpolation, self._uv_name = uvs
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
-        self._faces = self._mesh.faces(0)
-        self._points = len(self._mesh.sample(0))
-        check_mesh(self.where, *self._faces, self._points)
+        self.read_faces()
         try:
             corners = corner_elements(self._interpolation, *self._faces, self._points, self._elements)
         except ValueError as error:
@@ -130,6 +136,11 @@ class AlembicShape(PosedMesh):
             # As RenderMan has them.
             left_handed=True,
         )
+
+    def read_faces(self) -> None:
+        self._faces = self._mesh.faces(0)
+        self._points = len(self._mesh.sample(0))
+        check_mesh(self.where, *self._faces, self._points)
 
     @property
     def deforms(self) -> bool:

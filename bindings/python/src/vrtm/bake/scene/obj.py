@@ -94,6 +94,12 @@ class ObjSource:
             ),
         )
 
+    def places(self, _shape: Shape) -> list[np.ndarray]:
+        return [np.eye(4)]
+
+    def bystanders(self) -> tuple[()]:
+        return ()
+
     def _colours(self, name: str | None) -> np.ndarray | None:
         if name is None:
             return None

@@ -3,7 +3,8 @@ count: they stretch nothing, and far away they cost digits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -28,6 +29,8 @@ class PosedMesh:
     """True if the transforms above it change over time."""
     shape: Callable[[str, tuple[str, ...]], Shape]
     """Reads all that does not change with time, by a name and the paths that the mesh stands for. Raises SceneError."""
+    read_faces: Callable[[], object]
+    """Reads its faces, before its rest. Raises SceneError."""
     primvars: Callable[[], list[str]]
     """The names of its values per vertex."""
     _matrix: Callable[[float], np.ndarray]
@@ -74,6 +77,13 @@ class PosedMesh:
         if self._options.world:
             # They have the linear part.
             matrix[:3, :3] = np.eye(3)
+        return matrix
+
+    def to_place(self, first: PosedMesh) -> np.ndarray:
+        """(4, 4) f64, by which rows of the rest of `first`, an instance of the same mesh, are multiplied to lie in the
+        world where this one is."""
+        matrix = self._matrix(first.rest_frame)
+        matrix[:3, :3] = np.linalg.pinv(first._placed(np.eye(3), first.rest_frame)) @ matrix[:3, :3]
         return matrix
 
     def _linear(self, frame: float) -> np.ndarray:
@@ -188,16 +198,22 @@ class PosedSource(Generic[Mesh]):
             why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
 
+    def _unbaked(self) -> Iterable[Mesh]:
+        """The meshes that are shown, and not baked."""
+        raise NotImplementedError
+
     def _kind(self, path: str) -> str:
         """The kind of another object that is there; empty without one."""
         return ""
 
-    def _take(self, groups: Sequence[tuple[Mesh, tuple[str, ...]]]) -> None:
-        """Reads meshes that stand for some paths each. One that need not be baked may be one that cannot be read.
-        Raises SceneError."""
+    def _take(self, groups: Sequence[Sequence[Mesh]]) -> None:
+        """Reads meshes, the first of each group for all of it. One that need not be baked may be one that cannot be
+        read. Raises SceneError."""
         options, found = self._options, list[Shape]()
         self._meshes: dict[str, Mesh] = {}
-        for name, (mesh, paths) in zip(unique_names([paths[0] for _, paths in groups], self.warnings), groups):
+        self._instances: dict[str, Sequence[Mesh]] = {}
+        for name, group in zip(unique_names([group[0].path for group in groups], self.warnings), groups):
+            mesh, paths = group[0], tuple(instance.path for instance in group)
             try:
                 found.append(mesh.shape(name, paths))
             except SceneError as error:
@@ -206,7 +222,7 @@ class PosedSource(Generic[Mesh]):
                 why = str(error).removeprefix(f"{mesh.where}: ")
                 self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", paths[0]))
             else:
-                self._meshes[name] = mesh
+                self._meshes[name], self._instances[name] = mesh, group
         if not found:
             raise SceneError(f"{self._path}: no mesh to bake: {self.left_out[-1].line()}")
         self.warnings += [f"{mesh.path}: {uneven}" for mesh in self._meshes.values() if (uneven := mesh.uneven_scale())]
@@ -222,6 +238,18 @@ class PosedSource(Generic[Mesh]):
     def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
         mesh = self._meshes[shape.name]
         return mesh.to_world(mesh.rest_frame if frame is None else frame)
+
+    def places(self, shape: Shape) -> list[np.ndarray]:
+        """See `vrtm.bake.scene.Scene`."""
+        return [mesh.to_place(self._meshes[shape.name]) for mesh in self._instances[shape.name]]
+
+    def bystanders(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """See `vrtm.bake.scene.Scene`."""
+        for mesh in self._unbaked():
+            # One that cannot be read has no place.
+            with suppress(SceneError):
+                mesh.read_faces()
+                yield mesh._rest()[0], mesh.to_place(mesh)
 
     def rest_frame(self, shape: Shape) -> float:
         """The frame whose transforms lie above the rest."""

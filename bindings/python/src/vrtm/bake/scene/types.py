@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -176,5 +176,9 @@ class Source(Protocol):
         """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
         world."""
         ...
+
+    def places(self, shape: Shape) -> list[np.ndarray]: ...
+
+    def bystanders(self) -> Iterable[tuple[np.ndarray, np.ndarray]]: ...
 
     def close(self) -> None: ...

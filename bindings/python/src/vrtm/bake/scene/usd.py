@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -52,7 +54,8 @@ class UsdSource(PosedSource[UsdMesh]):
         self.codes, self.axes = self.stage.GetTimeCodesPerSecond(), axes_of(self.stage)
         self.frames = stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
-        self._take([(mesh, tuple(paths)) for paths, mesh in self._chosen()])
+        self._others: list[Usd.Prim] = []
+        self._take(self._chosen())
         self._check_times()
 
     @cached_property
@@ -64,10 +67,19 @@ class UsdSource(PosedSource[UsdMesh]):
         self._skeletons = None
         self.stage = None
 
-    def _chosen(self) -> list[tuple[list[str], UsdMesh]]:
-        """Meshes to take, with their paths; instances in the same pose stand together."""
+    def _mesh(self, prim: Usd.Prim, warnings: list[str]) -> UsdMesh:
+        return UsdMesh(self._path, prim, self._skeletons, self.frames, self.clock, self._options, warnings)
+
+    def _unbaked(self) -> Iterator[UsdMesh]:
+        for prim in self._others:
+            with suppress(SceneError):
+                if hidden(prim, self.frames, self.clock) is None:
+                    yield self._mesh(prim, [])
+
+    def _chosen(self) -> list[list[UsdMesh]]:
+        """Meshes to take; instances in the same pose stand together."""
         options = self._options
-        taken: dict[Any, tuple[list[str], UsdMesh]] = {}
+        taken: dict[Any, list[UsdMesh]] = {}
         for prim in Usd.PrimRange.Stage(self.stage, Usd.TraverseInstanceProxies()):
             path = str(prim.GetPath())
             if prim.GetTypeName() in _UNREAD and (not options.meshes or any(matches(p, path) for p in options.meshes)):
@@ -76,12 +88,13 @@ class UsdSource(PosedSource[UsdMesh]):
             if not prim.IsA(UsdGeom.Mesh):
                 continue
             if not self._takes(path):
+                self._others.append(prim)
                 continue
             reason = hidden(prim, self.frames, self.clock)
             if reason is not None:
                 self._leave_out(path, reason, True)
                 continue
-            mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, self.clock, options, self.warnings)
+            mesh = self._mesh(prim, self.warnings)
             try:
                 reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
             except SceneError:
@@ -89,9 +102,10 @@ class UsdSource(PosedSource[UsdMesh]):
                     raise
                 reason = "nothing deforms there, and it has several UV sets"
             if reason is not None:
+                self._others.append(prim)
                 self._leave_out(path, reason, not mesh.deforms)
             else:
-                taken.setdefault(mesh.identity(), ([], mesh))[0].append(path)
+                taken.setdefault(mesh.identity(), []).append(mesh)
         self._check_chosen(taken)
         return list(taken.values())
 

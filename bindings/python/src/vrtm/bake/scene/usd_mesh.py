@@ -76,7 +76,7 @@ class UsdMesh(PosedMesh):
         return (str(self._prim.GetPrimInPrototype().GetPath()), str(uv_prim.GetPath()), moved_by)
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
-        first, options, further = self._read_faces(), self._options, {}
+        first, options, further = self.read_faces(), self._options, {}
         uvs = self._uvs(self.uv, first)
         if options.texture_uv is not None:
             texture_uv = self._texture_uv(options.texture_uv)
@@ -97,7 +97,7 @@ class UsdMesh(PosedMesh):
         left_handed = self._mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
         return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first), left_handed=left_handed)
 
-    def _read_faces(self) -> Usd.TimeCode:
+    def read_faces(self) -> Usd.TimeCode:
         """Reads the faces at the first frame, which it returns."""
         first = self._code(self._frames[0])
         self._counts, self._indices = self._faces(first)
@@ -110,7 +110,7 @@ class UsdMesh(PosedMesh):
         if self.deforms:
             return False
         try:
-            self._read_faces()
+            self.read_faces()
             return np.array_equal(self.positions(self._frames[0]), self._rest()[0])
         except SceneError:
             return True
