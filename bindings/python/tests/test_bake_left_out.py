@@ -161,6 +161,10 @@ def test_a_pose_that_cannot_be_used_is_left_out(tmp_path: Path, monkeypatch, cap
     assert (nan["mesh"], nan["frames"], faces["frames"]) == ("pose.0.obj", [2], [4])
     assert "positions[10]: component 0 is NaN" in nan["why"] and "pose.4.obj" in faces["why"]
     assert "frame 2: not baked" in said.out and said.err.count("pose.0.obj, frame 2: ") == 1
+    # A limit is not kept where nothing was measured.
+    assert cli.main([*given, "--frames", "1-5", "--max-strain", "9", "--out", "limited"]) == 3
+    unknown = "--max-strain could not be checked in 2 places: pose_0, frame 2: its pose cannot be taken"
+    assert unknown in capfd.readouterr().err
     # What is there stays up to date; --strict makes an error of the rest, and so does a bake of nothing else.
     assert cli.main([*given, "--frames", "1-5", "--strict"]) == 2
     assert "0 files written, 3 up to date" in capfd.readouterr().out or more

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from vrtm.bake.frames import Frame
-from vrtm.bake.part import Part
+from vrtm.bake.part import Part, TileWork
 from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.topology import corner_starts
 from vrtm.borders import connected
@@ -117,9 +117,8 @@ def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> dict[Group, set[int]]:
     """The surfaces of each part and layer on which something is rigid."""
     found: dict[Group, set[int]] = {}
-    textured = shape.textured
     for part in parts:
-        faces = np.flatnonzero(textured) if part.faces is None else part.faces[textured[part.faces]]
+        faces = _textured(part)
         rigid = _rigid(shape, part, faces)
         layers = part.asset.face_layers()[faces]
         for layer in {tile.layer for tile in part.all_tiles}:
@@ -130,6 +129,23 @@ def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> di
             else:
                 found[part.subset, layer] = set(shells[faces[own & rigid]].tolist())
     return found
+
+
+def is_painted(tile: TileWork) -> bool:
+    """True if anything of a tile may be rigid."""
+    part, shape = tile.part, tile.part.shape
+    faces = _textured(part)
+    faces = faces[part.asset.face_layers()[faces] == tile.layer]
+    three = np.minimum(np.arange(3), shape.face_counts[faces, None] - 1)
+    corners = corner_starts(shape.face_counts)[faces, None] + three
+    u, v = np.floor(shape.uvs[shape.uv_indices[corners]].mean(axis=1)).T
+    return bool(_rigid(shape, part, faces[1001 + u + 10 * v == tile.udim]).any())
+
+
+def _textured(part: Part) -> np.ndarray:
+    """The faces of a part that have UVs."""
+    textured = part.shape.textured
+    return np.flatnonzero(textured) if part.faces is None else part.faces[textured[part.faces]]
 
 
 def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:

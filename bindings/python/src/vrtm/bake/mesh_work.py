@@ -210,7 +210,8 @@ class MeshWork:
     def check(self, pieces: Sequence[Piece]) -> list[dict | None]:
         """The record of each file that is up to date; None for each that has to be written."""
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
-        wanted = {"fixed", "rigid", "texels_limited"} | ({"strain", "features"} if self.settings.measure else set())
+        measured = {"strain", "features", "map"} if self.settings.measure else set()
+        wanted = {"fixed", "rigid", "texels_limited"} | measured
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)
@@ -267,7 +268,7 @@ class MeshWork:
         told = [tile["strain"] for tile in result.tiles]
         counted = [tile["features"] for tile in result.tiles]
         if measure and all(tile in figures for tile in self.tiles):
-            told = [rows.strain(tile.tile.report()) for tile in self.tiles]
+            told = [rows.strain(tile) for tile in self.tiles]
             counted = [rows.features(tile.tile) for tile in self.tiles]
         if told and all(told):
             result.strain, result.features = rows.mean(map(rows.Strain.of, told)), counted if all(counted) else []

@@ -119,6 +119,8 @@ def notes(work: Work) -> list[str]:
     rest = settings.options.rest or ""
     if rest.startswith("frame:") and not there[0] <= frame_number(rest) <= there[-1]:
         notes.append(f"--rest {rest}: {settings.scene} has the frames {frames.text(there)}")
+    if settings.only_layer and settings.limits:
+        notes.append(f"--only-layer solves nothing: {', '.join(settings.limits)} cannot be checked")
     if settings.half and settings.form != "delta":
         notes.append("--half: numbers of 16 bits are off by a texel of a texture of 4096, but for --form delta")
     for part in work.parts:

@@ -110,6 +110,12 @@ class Settings:
         return (1.0 if self.max_error is None else self.max_error) / self.texture_size
 
     @property
+    def limits(self) -> dict[str, float]:
+        """What a bake may not exceed, by the options that say so."""
+        given = {"--max-strain": self.max_strain, "--max-error": self.max_error, "--max-worse": self.max_worse}
+        return {option: limit for option, limit in given.items() if limit is not None}
+
+    @property
     def layers(self) -> int:
         """The most layers that a tile may have; 0 if there are none."""
         return self.max_layers if self.overlap == EACH else 0

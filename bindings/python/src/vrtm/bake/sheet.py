@@ -190,13 +190,13 @@ class _Surface:
 
     def figures(self) -> str:
         """The strain as the solve has measured it."""
-        found = rows.mean(rows.Strain.of(rows.strain(tile.tile.report())) for tile in self.tiles)
+        found = rows.mean(rows.Strain.of(rows.strain(tile)) for tile in self.tiles)
         figures = f"strain {found.before:.3f} with the original UVs, {found.after:.3f} with vrtm (RMS)"
-        return figures if found.segments else "nothing is rigid"
+        return figures if found.segments else rows.UNMEASURED if found.unmeasured else "nothing is rigid"
 
     def strains(self) -> list[sheet_figures.Tile]:
         """Each tile with its name and its strain."""
-        return [(rows.tile_name(rows.place(tile)), rows.strain(tile.tile.report())) for tile in self.tiles]
+        return [(rows.tile_name(rows.place(tile)), rows.strain(tile)) for tile in self.tiles]
 
     def textures(self, scale: float) -> Callable[[int], Sequence[np.ndarray]] | None:
         """The only tile's texture as painted and as looked up, in squares; several tiles' would be too small."""
