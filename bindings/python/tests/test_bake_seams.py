@@ -121,21 +121,6 @@ def test_textures_slide_along_open_borders(scene: list[object], tmp_path: Path) 
     assert deltas[1][0] > 1 and deltas[1][1] < 0.2, deltas
 
 
-def test_features_at_seams_are_kept(scene: list[object], tmp_path: Path) -> None:
-    x, y = on_sheet(0)
-    rigid = [np.hypot(x - centre, y - 0.5) < 0.1 for centre in (0.4, 1.0)]
-    image(tmp_path / "rigid.1001.png", np.where(rigid[0] | rigid[1], 255, 0).astype(np.uint8)[..., None])
-    deltas = {}
-    for seams in ("shut", "keep"):
-        run(*scene, "--seams", seams, "--form", "delta", "--out", tmp_path / seams)
-        delta = pixels(next((tmp_path / seams).glob("*redirect*1001*")))
-        # Beside the rim of the feature at the seam.
-        at_seam = (np.hypot(x - 1, y - 0.5) < 0.09) & (x < 1)
-        deltas[seams] = [SIZE * np.abs(delta[where]).max() for where in (rigid[0], at_seam)]
-    assert deltas["shut"][1] > 0.3 and deltas["keep"][1] == 0, deltas
-    assert deltas["keep"][0] > 0.3, deltas
-
-
 COPIED = "rest.obj: seams continue, open borders slide: all textures are copies"
 
 
@@ -261,6 +246,13 @@ def test_nothing_slides_where_the_surface_goes_on(scene: list[object], tmp_path:
     assert COPIED in said
 
 
+def open_borders(scene: Path, meshes: tuple[str, ...] = ()) -> set[str]:
+    """The choices for the meshes of a scene, all of whose textures are copies."""
+    colour = image(scene.parent / "colour.png", np.zeros((16, 16, 3), np.uint8))
+    with opened(scene, SceneOptions(meshes=meshes), textures=(str(colour),)) as work:
+        return {mesh.borders.open_borders for mesh in work.meshes.values()}
+
+
 @pytest.mark.parametrize(
     "own, place, more, slides",
     [
@@ -301,29 +293,22 @@ def test_meshes_meet_in_the_world(tmp_path: Path, own: tuple, place: tuple, more
             other.GetPrim().SetInstanceable(True)
             UsdGeom.XformCommonAPI(other).SetTranslate((0, height, 0))
     stage.Save()
-    image(tmp_path / "colour.png", np.zeros((16, 16, 3), np.uint8))
-    named = SceneOptions(meshes=("body",) if more == "unnamed" else ())
-    with opened(tmp_path / "shot.usda", named, textures=(str(tmp_path / "colour.png"),)) as work:
-        assert {mesh.borders.open_borders for mesh in work.meshes.values()} == {"slide" if slides else "fixed"}
+    named = ("body",) if more == "unnamed" else ()
+    assert open_borders(tmp_path / "shot.usda", named) == {"slide" if slides else "fixed"}
 
 
 def test_meshes_of_alembic_meet_in_the_world(tmp_path: Path) -> None:
     abc = pytest.importorskip("alembic_scenes")
-    move = np.eye(4)
 
     def author(archive, model) -> None:
-        for name, height in (("body", 0), ("head", -8)):
-            move[3, 1] = height
-            points = np.add(scenes.POINTS, (0, 9, 0) if name == "head" else 0)
-            above = abc.placed(model, f"{name}_above", [move])
-            abc.mesh(above, name, [points, points * 1.1], scenes.INDICES, abc.sampled(archive), scenes.UVS)
+        for name, height in (("body", 0), ("head", 9)):
+            points, above = np.add(scenes.POINTS, (0, height, 0)), np.eye(4)
+            above[3, 1] = -8 * (name == "head")
+            poses, faces = [points, points * 1.1], scenes.INDICES
+            abc.mesh(abc.placed(model, name, [above]), name, poses, faces, abc.sampled(archive), scenes.UVS)
 
-    image(tmp_path / "colour.png", np.zeros((16, 16, 3), np.uint8))
-    for meshes in ((), ("body",)):
-        options = SceneOptions(meshes=meshes)
-        path = abc.write(tmp_path / "shot.abc", author)
-        with opened(path, options, textures=(str(tmp_path / "colour.png"),)) as work:
-            assert {mesh.borders.open_borders for mesh in work.meshes.values()} == {"fixed"}
+    path = abc.write(tmp_path / "shot.abc", author)
+    assert open_borders(path) == open_borders(path, ("body",)) == {"fixed"}
 
 
 def test_textures_that_are_looked_up_have_to_be_dilated(tmp_path: Path) -> None:

@@ -56,10 +56,15 @@ def _totals(reports: Iterable[TileReport]) -> _Totals:
 
 def places(points: np.ndarray) -> np.ndarray:
     """Hashes of (points, 3): equal for points that are equal in f32."""
-    found = np.zeros(len(points), np.uint64)
     # With 0 for -0.
-    for column in (points.astype(np.float32) + np.float32(0)).T.copy().view(np.uint32):
-        found = (found ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+    return hashes(*(points.astype(np.float32) + np.float32(0)).T.copy().view(np.uint32))
+
+
+def hashes(*numbers: np.ndarray) -> np.ndarray:
+    """A hash of each combination of integers. Hardly ever do two combinations have the same."""
+    found = np.zeros(len(numbers[0]), np.uint64)
+    for number in numbers:
+        found = (found ^ number.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
         found ^= found >> np.uint64(29)
     return found
 

@@ -16,7 +16,7 @@ from vrtm.bake.frames import Frame
 from vrtm.bake.part import Part, TileWork
 from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.topology import corner_starts
-from vrtm.borders import connected
+from vrtm.borders import connected, hashes
 
 Group = tuple[str, int]
 """The name of a part, and one of its layers."""
@@ -104,13 +104,9 @@ def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
 
 
 def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first place of each combination, and the number of each one's combination. Hardly ever are two taken for one,
-    which only joins surfaces."""
-    mixed = np.zeros(len(numbers[0]), np.uint64)
-    for number in numbers:
-        mixed = (mixed ^ number.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> np.uint64(29)
-    _, places, of = np.unique(mixed, return_index=True, return_inverse=True)
+    """The first place of each combination, and the number of each one's combination. Two that are taken for one only
+    join surfaces."""
+    _, places, of = np.unique(hashes(*numbers), return_index=True, return_inverse=True)
     return places, of.reshape(-1)
 
 
