@@ -64,46 +64,42 @@ def scene(tmp_path: Path) -> list[object]:
 
 
 def test_both_sides_of_a_seam_show_the_same(scene: list[object], tmp_path: Path) -> None:
-    run(*scene, "--seams", "continue", "--out", tmp_path / "out")
-    left, right = (pixels(next((tmp_path / "out").glob(f"*colour*{1001 + tile}*"))) / 65535 for tile in range(2))
-    redirections = [pixels(next((tmp_path / "out").glob(f"*redirect*{1001 + tile}*"))) for tile in range(2)]
-    column = round(0.9 * SIZE), round(0.1 * SIZE)
-    rows = slice(int(0.15 * SIZE), int(0.85 * SIZE))
-    # The texels on either side of the seam. Something moves there, and no colour from beside the charts gets in.
-    own = (np.arange(SIZE) + 0.5)[None, :] / SIZE
-    moved = SIZE * np.abs(redirections[0][rows, :, 0] - own)[:, column[0] - 2 : column[0]]
-    assert moved.max() > 0.3, moved.max()
-    before, after = left[rows, column[0] - 1], right[rows, column[1]]
-    assert before[:, 1].min() > 0.15 and after[:, 1].min() > 0.15
-    # A texel is 0.3 / (0.8 * SIZE) wide in the first channel.
-    assert np.abs(after - before)[:, :2].max() < 0.012, np.abs(after - before).max(axis=0)
-
-
-def test_files_depend_on_the_maps_of_other_tiles(scene: list[object], tmp_path: Path) -> None:
-    arguments = [*scene, "--seams", "continue", "--out", tmp_path / "out"]
-    run(*arguments)
-    before = files(tmp_path / "out")
-    image(tmp_path / "rigid.1002.png", np.zeros((SIZE, SIZE, 1), np.uint8))
-    run(*arguments)
-    after = files(tmp_path / "out")
-    first = [name for name in before if "redirect" in name and "1001" in name]
-    assert first and all(after[name] != before[name] for name in first)
-
-
-def test_normals_at_seams(scene: list[object], tmp_path: Path) -> None:
     normal = [0.36, 0.48, 0.8]
     for tile in range(2):
         x, y = on_sheet(tile)
         inside = (x >= tile) & (x <= tile + 1) & (y >= 0) & (y <= 1)
         texels = np.where(inside[..., None], normal, [0.0, 0.0, 1.0])
         image(tmp_path / f"bumps.{1001 + tile}.png", np.rint(65535 * (texels + 1) / 2).astype(np.uint16))
-    run(*scene, "--seams", "continue", "--normal-map", tmp_path / "bumps.<UDIM>.png", "--out", tmp_path / "out")
-    copies = [pixels(next((tmp_path / "out").glob(f"*bumps*{1001 + tile}*"))) / 65535 * 2 - 1 for tile in range(2)]
+    bumps = ("--normal-map", tmp_path / "bumps.<UDIM>.png")
+    arguments = [*scene, "--seams", "continue", *bumps, "--out", tmp_path / "out"]
+    run(*arguments)
     column, rows = round(0.9 * SIZE), slice(int(0.15 * SIZE), int(0.85 * SIZE))
-    at_seam = copies[0][rows, column - 1], copies[1][rows, SIZE - column]
-    # The warp turns them a little, on both sides alike; nothing from beside the charts gets in.
-    assert np.abs(at_seam[0] - at_seam[1]).max() < 0.08
-    assert np.abs(at_seam[0][:, 2] - normal[2]).max() < 0.01 and np.abs(at_seam[0] - normal).max() < 0.1
+
+    def at_seam(kind: str) -> list[np.ndarray]:
+        """The texels on either side of the seam."""
+        found = (pixels(next((tmp_path / "out").glob(f"*{kind}*{1001 + tile}*"))) for tile in range(2))
+        return [of[rows, at] / 65535 for of, at in zip(found, (column - 1, SIZE - column))]
+
+    # Something moves there, and no colour from beside the charts gets in.
+    redirection = pixels(next((tmp_path / "out").glob("*redirect*1001*")))
+    own = (np.arange(SIZE) + 0.5)[None, :] / SIZE
+    moved = SIZE * np.abs(redirection[rows, :, 0] - own)[:, column - 2 : column]
+    assert moved.max() > 0.3, moved.max()
+    before, after = at_seam("colour")
+    assert before[:, 1].min() > 0.15 and after[:, 1].min() > 0.15
+    # A texel is 0.3 / (0.8 * SIZE) wide in the first channel.
+    assert np.abs(after - before)[:, :2].max() < 0.012, np.abs(after - before).max(axis=0)
+    # The warp turns normals a little, on both sides alike.
+    before, after = (2 * of - 1 for of in at_seam("bumps"))
+    assert np.abs(before - after).max() < 0.08
+    assert np.abs(before[:, 2] - normal[2]).max() < 0.01 and np.abs(before - normal).max() < 0.1
+    # Files depend on the maps of other tiles.
+    old = files(tmp_path / "out")
+    image(tmp_path / "rigid.1002.png", np.zeros((SIZE, SIZE, 1), np.uint8))
+    run(*arguments)
+    new = files(tmp_path / "out")
+    first = [name for name in old if "redirect" in name and "1001" in name]
+    assert first and all(new[name] != old[name] for name in first)
 
 
 def test_textures_slide_along_open_borders(scene: list[object], tmp_path: Path) -> None:
