@@ -73,6 +73,18 @@ def test_time_codes_that_are_no_frames_are_told(tmp_path: Path) -> None:
     assert not Scene(tmp_path / "c.usda", SceneOptions(fps=25)).warnings
 
 
+@pytest.mark.parametrize("ends", [(1.0000000000000002, 5.999999999999999), (-1.9999999999999998, 3), (0.9999, 6.0001)])
+def test_ends_that_are_off_by_rounding_are_whole(tmp_path: Path, ends) -> None:
+    whole = tuple(range(round(ends[0]), round(ends[1]) + 1))
+    stage = animated(tmp_path / "a.usda", [ends[0], *whole[1:-1], ends[1]], ends=ends)
+    for name in ("", "startTimeCode", "endTimeCode"):
+        # Without a range the first and the last sample are the ends.
+        _ = name and stage.ClearMetadata(name)
+        stage.Save()
+        scene = Scene(tmp_path / "a.usda")
+        assert scene.frames == whole and not scene.warnings and not scene.left_out
+
+
 @pytest.mark.parametrize(
     "times",
     [

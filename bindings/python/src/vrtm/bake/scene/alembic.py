@@ -36,9 +36,8 @@ class AlembicSource(PosedSource["AlembicShape"]):
         self.rate = f"{self.clock.frames:.6g} per second{', as the file has' if options.fps in (None, FILE) else ''}"
         seconds = [mesh.times(options.world) for mesh in moving]
         times = [time for own in seconds for time in (own[0], own[-1])] or [self.clock.time(1)]
-        # Times are stored as whole numbers of 1 / fps only nearly.
         frame = self.clock.frame
-        self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, self.left_out, 1e-3)
+        self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, self.left_out)
         groups: dict[tuple[str, ...], list[AlembicShape]] = {}
         for mesh, uvs in chosen:
             posed = AlembicShape(mesh, uvs, options, self.frames, self.clock)

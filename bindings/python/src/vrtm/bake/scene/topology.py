@@ -14,6 +14,7 @@ import numpy as np
 
 from vrtm.bake.frames import MOST
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.timing import CLOSE
 from vrtm.bake.scene.types import SceneError
 
 TILES = (10, 900)
@@ -161,23 +162,21 @@ FARTHEST = 2**53
 """Up to this number each whole frame is a number of its own in f64."""
 
 
-def whole_frames(
-    first: float, last: float, where: str, warnings: list[str], left_out: list[LeftOut], slack: float = 0.0
-) -> Sequence[int]:
-    """The whole frames of a range, also those that miss it by the slack; of one without any, its first frame, rounded,
+def whole_frames(first: float, last: float, where: str, warnings: list[str], left_out: list[LeftOut]) -> Sequence[int]:
+    """The whole frames of a range, also those that miss it by rounding; of one without any, its first frame, rounded,
     which is warned of. Very many are not listed. Ends of the range that are none go to `left_out`. Raises
     SceneError."""
     for frame in (first, last):
         # No comparison holds for what is no number.
         if not abs(frame) < FARTHEST:
             raise SceneError(f"{where}: its frames go from {first:g} to {last:g}: {frame:g} is no frame")
-    frames = range(math.ceil(first - slack), math.floor(last + slack) + 1)
+    frames = range(math.ceil(first - CLOSE), math.floor(last + CLOSE) + 1)
     if not frames:
         frames = range(round(first), round(first) + 1)
         warnings.append(
             f"{where}: no frame from {first:g} to {last:g} is a whole number: frame {frames[0]} alone is baked"
         )
-    ends = {end for end, nearest in ((first, frames[0]), (last, frames[-1])) if abs(end - nearest) > max(slack, 1e-6)}
+    ends = {end for end, nearest in ((first, frames[0]), (last, frames[-1])) if abs(end - nearest) > CLOSE}
     if ends:
         between = tuple(round(end, 6) for end in sorted(ends))
         left_out.append(

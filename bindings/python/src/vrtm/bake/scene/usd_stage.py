@@ -144,8 +144,7 @@ def stage_frames(
     if backwards or not stage.HasAuthoredTimeCodeRange():
         times = sample_times(stage)
         first, last = (times[0], times[-1]) if times else (clock.time(1),) * 2
-    slack = 0.0 if clock == Clock() else 1e-3
-    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out, slack)
+    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out)
 
 
 def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
