@@ -1,6 +1,7 @@
 """Meshes of USD stages, as vrtm takes them, and the choice of their UV sets."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -359,7 +360,7 @@ def test_topology_that_changes_is_named_with_its_time_code(stage: Usd.Stage, tmp
         Scene(saved(stage)).positions("mesh", 2)
 
 
-BAKE = SceneOptions(skip_still=True)
+BAKE = SceneOptions(lenient=True)
 
 
 def uv_set(prim: UsdGeom.Mesh, name: str) -> None:
@@ -390,7 +391,7 @@ def test_each_mesh_takes_the_first_uv_set_that_it_has(tmp_path: Path) -> None:
     assert chosen(path, "UVMap", "st") == chosen(path, "st", "none", "UVMap") == {"/body": "st", "/jacket": "UVMap"}
     assert chosen(path, "lightmap", "UVMap", "st") == {"/body": "st", "/jacket": "lightmap"}
     # Those that have none of them are named, with what they have.
-    scene = Scene(path, SceneOptions(uv=("UVMap", "UVMap2"), skip_still=True))
+    scene = Scene(path, SceneOptions(uv=("UVMap", "UVMap2"), lenient=True))
     assert [shape.path for shape in scene.shapes] == ["/jacket"]
     (entry,) = scene.left_out
     assert (entry.mesh, entry.meant) == ("/body", False) and entry.why == "has no UVs 'UVMap' or 'UVMap2', but st"
@@ -401,25 +402,35 @@ def test_each_mesh_takes_the_first_uv_set_that_it_has(tmp_path: Path) -> None:
     assert {shape.uv_name for shape in Scene(path, BAKE).shapes} == {"st"}
 
 
-def test_a_still_mesh_does_not_end_a_bake(tmp_path: Path) -> None:
+def test_a_mesh_that_cannot_be_read_does_not_end_a_bake(tmp_path: Path) -> None:
     path = tmp_path / "a.usda"
     stage = scenes.stage(path)
-    scenes.stretch(scenes.mesh(stage, "/body"), (1, 2, 3))
     prop = scenes.mesh(stage, "/prop", name="UVMap")
     uv_set(prop, "lightmap")
-    # As many UVs as a mesh of other faces has.
+    # As many UVs as a mesh of other faces has, and a mesh that the file with the rest lacks.
     scenes.mesh(stage, "/broken", uvs=scenes.UVS[:3])
+    for mesh in ("/body", "/hat"):
+        scenes.stretch(scenes.mesh(stage, mesh), (1, 2, 3))
     stage.Save()
-    scene = Scene(path, BAKE)
-    assert [shape.path for shape in scene.shapes] == ["/body"]
-    told = {entry.mesh: entry for entry in scene.left_out}
-    assert told["/prop"].why == "nothing deforms there, and it has several UV sets" and told["/prop"].meant
-    assert "it cannot be read: primvars:st has 3 values" in told["/broken"].why and not told["/broken"].meant
+    rest = scenes.stage(tmp_path / "rest.usda")
+    scenes.mesh(rest, "/body")
+    scenes.mesh(rest, "/coat")
+    for options in (BAKE, replace(BAKE, rest=saved(rest))):
+        scene = Scene(path, options)
+        assert [shape.path for shape in scene.shapes] == ["/body", "/hat"][: 1 if options.rest else 2]
+        told = {entry.mesh: (entry.why, entry.meant) for entry in scene.left_out}
+        assert told["/prop"] == ("nothing deforms there, and it has several UV sets", True)
+        assert told["/broken"] == ("cannot be read: primvars:st has 3 values of interpolation vertex, not 6", False)
+    assert "no meshes have the name of /hat" in told["/hat"][0] and not told["/hat"][1]
+    # What --exclude names is not looked at, and a name without a mesh is told.
+    scene = Scene(path, replace(BAKE, exclude=("bro*", "/hat", "/prop", "bodi")))
+    assert [(entry.why, entry.meant) for entry in scene.left_out] == [("named by --exclude", True)] * 3
+    assert scene.warnings == [f"--exclude: {path}: 'bodi' is no mesh of the scene: did you mean body?"]
     # But where it is named, or a pose is not the rest.
     with pytest.raises(SceneError, match="/prop: several UV sets"):
-        Scene(path, SceneOptions(skip_still=True, meshes=("prop",)))
+        Scene(path, SceneOptions(lenient=True, meshes=("prop",)))
     with pytest.raises(SceneError, match="/broken: primvars:st has 3 values"):
-        Scene(path, SceneOptions(skip_still=True, meshes=("/body", "/broken")))
+        Scene(path, SceneOptions(lenient=True, meshes=("/body", "/broken")))
     with pytest.raises(SceneError, match="/prop: several UV sets"):
         Scene(path)
     moved = [(2 * x, y, z) for x, y, z in scenes.POINTS]
@@ -427,22 +438,3 @@ def test_a_still_mesh_does_not_end_a_bake(tmp_path: Path) -> None:
     stage.Save()
     with pytest.raises(SceneError, match="/prop: several UV sets"):
         Scene(path, BAKE)
-
-
-def test_a_rest_file_need_not_have_what_is_still(tmp_path: Path) -> None:
-    stage = scenes.stage(tmp_path / "a.usda")
-    scenes.stretch(scenes.mesh(stage, "/body"), (1, 2, 3))
-    scenes.mesh(stage, "/prop")
-    stage.Save()
-    rest = scenes.stage(tmp_path / "rest.usda")
-    scenes.mesh(rest, "/body")
-    scenes.mesh(rest, "/hat")
-    rest.Save()
-    options = SceneOptions(rest=str(tmp_path / "rest.usda"), skip_still=True)
-    scene = Scene(tmp_path / "a.usda", options)
-    assert [shape.path for shape in scene.shapes] == ["/body"]
-    assert "no meshes have the name of /prop" in scene.left_out[0].why
-    scenes.stretch(UsdGeom.Mesh.Get(stage, "/prop"), (1, 2, 3))
-    stage.Save()
-    with pytest.raises(SceneError, match="no meshes have the name of /prop"):
-        Scene(tmp_path / "a.usda", options)

@@ -99,6 +99,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     usual.add_argument("--help-all", help="Show all options and exit.", const=True, **shared)
 
     add = group("scene")
+    add("--exclude", "Leave these meshes out, by name or path, with * as a wildcard.", "NAME...")
     add(
         "--uv",
         "The UV set to bake. Of several names each mesh takes the first that it has. By default st, or the only set.",
@@ -368,7 +369,7 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
         # The defaults are those of the settings.
         return {name: value for name, value in given.items() if value is not None}
 
-    further = {"uv": tuple(a.uv) or None, "variants": tuple(map(tuple, a.variants)), "skip_still": True}
+    further = {"uv": tuple(a.uv) or None, "variants": tuple(map(tuple, a.variants)), "lenient": True}
     own = {
         "options": SceneOptions(**same(SceneOptions) | further),
         "measure": a.measure or any(most is not None for most in (a.max_strain, a.max_error, a.max_worse)),

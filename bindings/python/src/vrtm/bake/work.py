@@ -66,8 +66,10 @@ class Work(contextlib.AbstractContextManager):
         self._check_shapes(still)
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         known = {} if choices is None else choices.borders
-        self.meshes = {shape.name: self._mesh(shape, copies, known.get(shape.name)) for shape in self.shapes}
-        self.left_out = self._known_left_out(still)
+        self.meshes: dict[str, MeshWork] = {}
+        unusable = list(self._make(copies, known))
+        self.shapes = [shape for shape in self.shapes if shape.name in self.meshes]
+        self.left_out = [*self._known_left_out(still), *unusable]
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self.idle: dict[str, dict[gain.Group, str]] = {}
@@ -163,6 +165,22 @@ class Work(contextlib.AbstractContextManager):
         """Warnings of the library since the last call, as sentences that name the mesh."""
         heard, self._heard = self._heard, []
         return heard
+
+    def _make(self, copies: tuple[warped.Copy, ...], known: dict[str, Borders]) -> Iterator[LeftOut]:
+        """Makes `meshes`, without those that the library cannot take. Raises Failure for one that is named, and if none
+        is left."""
+        failures = []
+        for shape in self.shapes:
+            try:
+                self.meshes[shape.name] = self._mesh(shape, copies, known.get(shape.name))
+            except Failure as failure:
+                if failure.code != INPUT or self.settings.options.names(shape.path):
+                    raise
+                failures.append(failure)
+                why = failure.message.removeprefix(f"{self.settings.scene} {shape.path}: ")
+                yield LeftOut(f"cannot be baked: {why}", shape.path)
+        if not self.meshes:
+            raise failures[0]
 
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...], known: Borders | None) -> MeshWork:
         self._subject, self._frame, self._shape = shape.path, "", shape

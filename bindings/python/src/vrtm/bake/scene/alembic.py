@@ -17,7 +17,7 @@ from vrtm.bake.scene.obj import rest_from_file
 from vrtm.bake.scene.posed import PosedMesh, PosedSource
 from vrtm.bake.scene.refine import Cage
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole
-from vrtm.bake.scene.topology import check_mesh, corner_elements, matches, per_vertex, whole_frames
+from vrtm.bake.scene.topology import check_mesh, corner_elements, per_vertex, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
 
@@ -87,7 +87,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
         self.left_out += [
             LeftOut("is a NURBS surface, which is not read", path)
             for path in self._file.unread
-            if not options.meshes or any(matches(pattern, path) for pattern in options.meshes)
+            if not self._why_not(path)
         ]
         self._check_chosen(chosen)
         return chosen

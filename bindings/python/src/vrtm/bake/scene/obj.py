@@ -41,8 +41,8 @@ class ObjSource:
         self._last: dict[str, np.ndarray] = {}
         if len(self._mesh.counts) == 0:
             raise SceneError(f"{path}: no faces")
-        for name in options.meshes:
-            self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --meshes says ({name})")
+        for name in (*options.meshes, *options.exclude):
+            self.warnings.append(f"{path}: an OBJ file is one mesh, whatever --meshes or --exclude says ({name})")
         if options.world:
             raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
         if options.fps is not None:

@@ -161,14 +161,20 @@ class PosedSource(Generic[Mesh]):
         self._named: set[str] = set()
 
     def _takes(self, path: str) -> bool:
-        """True unless --meshes names other meshes."""
+        """True unless --meshes names other meshes, or --exclude names this one."""
         self._paths.append(path)
-        patterns = [pattern for pattern in self._options.meshes if matches(pattern, path)]
-        if self._options.meshes and not patterns:
-            self.left_out.append(LeftOut("not named by --meshes", path, meant=True))
-            return False
-        self._named.update(patterns)
-        return True
+        options, why = self._options, self._why_not(path)
+        self._named.update(p for p in (*options.meshes, *options.exclude) if matches(p, path))
+        if why:
+            self.left_out.append(LeftOut(why, path, meant=True))
+        return not why
+
+    def _why_not(self, path: str) -> str:
+        """The option that leaves a mesh out, in words; empty if none does."""
+        if any(matches(pattern, path) for pattern in self._options.exclude):
+            return "named by --exclude"
+        named = not self._options.meshes or any(matches(pattern, path) for pattern in self._options.meshes)
+        return "" if named else "not named by --meshes"
 
     def _leave_out(self, path: str, why: str, meant: bool) -> None:
         """Raises SceneError for a mesh that --meshes names by itself."""
@@ -178,12 +184,13 @@ class PosedSource(Generic[Mesh]):
 
     def _check_chosen(self, chosen: Collection[object]) -> None:
         """Raises SceneError for names of --meshes without a mesh, and if no mesh is chosen."""
-        for name in (name for name in self._options.meshes if name not in self._named):
+        for name in (name for name in (*self._options.meshes, *self._options.exclude) if name not in self._named):
             kind = self._kind(name)
-            if kind:
-                raise SceneError(f"{self._path}: '{name}' is a {kind}, not a mesh")
             hint = near(name, [*self._paths, *(path.rsplit("/", 1)[-1] for path in self._paths)])
-            raise SceneError(f"{self._path}: '{name}' is no mesh of the scene{hint}")
+            told = f"{self._path}: '{name}' is {f'a {kind}, not a mesh' if kind else f'no mesh of the scene{hint}'}"
+            if name in self._options.meshes:
+                raise SceneError(told)
+            self.warnings.append(f"--exclude: {told}")
         if not chosen:
             why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
@@ -193,22 +200,23 @@ class PosedSource(Generic[Mesh]):
         return ""
 
     def _take(self, groups: Sequence[tuple[Mesh, tuple[str, ...]]]) -> None:
-        """Reads meshes that stand for some paths each. One that need not be baked may be one that cannot be read.
-        Raises SceneError."""
-        options, found = self._options, list[Shape]()
+        """Reads meshes that stand for some paths each. One that is not named may be one that cannot be read. Raises
+        SceneError, if no mesh is left that of the first."""
+        options, found, errors = self._options, list[Shape](), list[SceneError]()
         self._meshes: dict[str, Mesh] = {}
         for name, (mesh, paths) in zip(unique_names([paths[0] for _, paths in groups], self.warnings), groups):
             try:
                 found.append(mesh.shape(name, paths))
             except SceneError as error:
-                if mesh.deforms or not options.skip_still or len(groups) == 1 or options.names(paths[0]):
+                if not options.lenient or options.names(paths[0]):
                     raise
+                errors.append(error)
                 why = str(error).removeprefix(f"{mesh.where}: ")
-                self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", paths[0]))
+                self.left_out.append(LeftOut(f"cannot be read: {why}", paths[0]))
             else:
                 self._meshes[name] = mesh
         if not found:
-            raise SceneError(f"{self._path}: no mesh to bake: {self.left_out[-1].line()}")
+            raise errors[0]
         self.warnings += [f"{mesh.path}: {uneven}" for mesh in self._meshes.values() if (uneven := mesh.uneven_scale())]
         for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
             if name is not None and all(getattr(shape, f"vertex_{what}") is None for shape in found):

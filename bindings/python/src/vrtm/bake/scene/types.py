@@ -40,6 +40,8 @@ class SceneOptions:
     meshes: tuple[str, ...] = ()
     """Names or paths of meshes, or paths of what they lie below; `*`, `?` and `[...]` are wildcards. Empty: all meshes
     that have UVs."""
+    exclude: tuple[str, ...] = ()
+    """The same of meshes that are left out."""
     uv: str | tuple[str, ...] | None = None
     """Name of the UV set, or several: of these each mesh takes the first that it has. None: the scene's default (`st`,
     or the only one, in USD, the mesh's own in Alembic, the only one in OBJ)."""
@@ -55,8 +57,8 @@ class SceneOptions:
     """USD: (prim path, variant set, variant) to select."""
     poses: tuple[str, ...] = ()
     fps: float | str | None = None
-    skip_still: bool = False
-    """True if a mesh that does not deform, and is not named, is left out if it cannot be read or has several UV sets to
+    lenient: bool = False
+    """True if a mesh that is not named is left out if it cannot be read, or does not deform and has several UV sets to
     choose from."""
     world: bool = False
     """True if the transforms above a mesh are applied, less their translation: to the poses those of their frames, to

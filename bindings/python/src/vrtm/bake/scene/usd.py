@@ -10,7 +10,6 @@ from pxr import Sdf, Usd, UsdGeom
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.posed import PosedSource
 from vrtm.bake.scene.timing import Clock, is_between, is_whole, rate
-from vrtm.bake.scene.topology import matches
 from vrtm.bake.scene.types import SceneError, SceneOptions
 from vrtm.bake.scene.usd_mesh import UsdMesh
 from vrtm.bake.scene.usd_skel import Skeletons
@@ -68,7 +67,7 @@ class UsdSource(PosedSource[UsdMesh]):
         taken: dict[Any, tuple[list[str], UsdMesh]] = {}
         for prim in Usd.PrimRange.Stage(self.stage, Usd.TraverseInstanceProxies()):
             path = str(prim.GetPath())
-            if prim.GetTypeName() in _UNREAD and (not options.meshes or any(matches(p, path) for p in options.meshes)):
+            if prim.GetTypeName() in _UNREAD and not self._why_not(path):
                 meant = hidden(prim, self.frames, self.clock) is not None
                 self.left_out.append(LeftOut(f"is a {prim.GetTypeName()}, which is not read", path, meant=meant))
             if not prim.IsA(UsdGeom.Mesh):
@@ -83,7 +82,7 @@ class UsdSource(PosedSource[UsdMesh]):
             try:
                 reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
             except SceneError:
-                if not options.skip_still or options.names(path) or not mesh.stays():
+                if not options.lenient or options.names(path) or not mesh.stays():
                     raise
                 reason = "nothing deforms there, and it has several UV sets"
             if reason is not None:
