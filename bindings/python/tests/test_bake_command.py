@@ -207,6 +207,7 @@ def test_bad_input(scene: Path, tmp_path: Path) -> None:
         ([*good, "--frames", "100-200"], "1-5"),
         ([*good, "--tiles", "1050"], "1001, 1002"),
         ([*good, "--name", "a.exr"], "--name a.exr"),
+        ([*good, "--name", f"{'a' * 220}<frame>.<UDIM>.exr"], "its name has 233 bytes, more than 232"),
         ([*good, "--meshes", "nobody"], "nobody"),
         ([*good, "--size", "0"], "--size"),
         ([*good, "--max-strain", "nan"], "--max-strain"),

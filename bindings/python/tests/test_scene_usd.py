@@ -196,6 +196,10 @@ def test_names_differ_in_more_than_the_case_of_letters() -> None:
     names = unique_names(["/a/b", "/a_b", "/c/b", "/\u00fc", "/u\u0308"], warnings)
     assert names == ["a_b", "a_b_2", "c_b", "\u00fc", "u\u0308_2"]
     assert warnings[0] == "/a_b: <mesh> stands for a_b_2, since it stands for a_b of /a/b" and len(warnings) == 2
+    # Of long ones the end, which tells more of a path, and whole letters.
+    (first, second, third), short = unique_names([f"/{c * 300}" for c in "xx\u5b57"], warnings), "x" * 160
+    assert (first, second, third) == (short, f"{short}_2", "\u5b57" * 53)
+    assert warnings[2] == f"/{'x' * 300}: <mesh> stands for {short}, since its name is too long"
 
 
 def test_instances_in_the_same_pose_are_one_shape(stage: Usd.Stage) -> None:

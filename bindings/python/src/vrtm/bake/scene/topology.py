@@ -158,6 +158,8 @@ def luminance(colours: np.ndarray) -> np.ndarray:
     return np.where(grey, red, 0.2126 * red + 0.7152 * green + 0.0722 * blue)
 
 
+_LONGEST = 160
+"""Bytes of a mesh's name in file names, which have 255 and say more than that."""
 FARTHEST = 2**53
 """Up to this number each whole frame is a number of its own in f64."""
 
@@ -187,7 +189,7 @@ def whole_frames(first: float, last: float, where: str, warnings: list[str], lef
 
 def unique_names(paths: Sequence[str], warnings: list[str] | None = None) -> list[str]:
     """A name per path that is safe in file names and unique whatever the case of its letters: the last part of the path
-    where that is enough, else all parts, and a number where these are not, which is warned of."""
+    where that is enough, else all parts, and a number where these are not; of a long one its end. Both are warned of."""
     short = [_safe(path.rsplit("/", 1)[-1]) for path in paths]
     count = Counter(map(_folded, short))
     names: list[str] = []
@@ -195,12 +197,13 @@ def unique_names(paths: Sequence[str], warnings: list[str] | None = None) -> lis
     for path, name in zip(paths, short):
         if count[_folded(name)] > 1:
             name = _safe(path.strip("/").replace("/", "_"))
+        whole, name = name, name.encode()[-_LONGEST:].decode(errors="ignore")
         unique, number = name, 2
         while _folded(unique) in taken:
             unique, number = f"{name}_{number}", number + 1
-        if unique != name and warnings is not None:
-            other = taken[_folded(name)]
-            warnings.append(f"{path}: <mesh> stands for {unique}, since it stands for {name} of {other}")
+        if unique != whole and warnings is not None:
+            since = f"it stands for {name} of {taken[_folded(name)]}" if unique != name else "its name is too long"
+            warnings.append(f"{path}: <mesh> stands for {unique}, since {since}")
         taken[_folded(unique)] = path
         names.append(unique)
     return names
