@@ -132,18 +132,37 @@ def test_uvs_per_vertex_and_per_corner(tmp_path: Path) -> None:
         SceneError, match=r"c\.abc /group/mesh: the UV set uv has 6 values of interpolation faceVarying, not 8"
     ):
         Scene(write(tmp_path / "c.abc", indices=None))
-    with pytest.raises(SceneError, match=r"d\.abc: no mesh to bake \(/group/mesh has no UVs\)"):
-        Scene(write(tmp_path / "d.abc", uvs=None))
+
+
+def parameter(schema, kind: str, name: str, values, indices=()) -> None:
+    """Gives a mesh a parameter with a value per vertex, by indices if there are some."""
+    made = getattr(AbcGeom, f"O{kind}GeomParam")(schema.getArbGeomParams(), name, bool(indices), abc.VERTEX, 1)
+    chosen = (abc.array(imath.UnsignedIntArray, indices),) if indices else ()
+    made.set(getattr(AbcGeom, f"O{kind}GeomParamSample")(values, *chosen, abc.VERTEX))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("V3f", "uv"), ("P3f", "st"), ("V3f", "N")])
+def test_uvs_of_three_numbers_are_u_and_v(tmp_path: Path, kind: str, name: str) -> None:
+    def extra(schema) -> None:
+        parameter(schema, kind, name, abc.v3f([(u, v, 0) for u, v in UVS]))
+        parameter(schema, "V2f", "map2", abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS]))
+
+    path = write(tmp_path / "a.abc", uvs=None, extra=extra)
+    if name == "N":
+        with pytest.raises(SceneError, match=r"no mesh to bake \(/group/mesh has no UVs, but map2\)"):
+            Scene(path)
+        return
+    scene = Scene(path)
+    assert scene.shapes[0].uv_name == name and scene.shapes[0].uvs.tolist() == list(map(list, UVS))
+    assert not scene.warnings
 
 
 def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
     def extra(schema) -> None:
-        group = schema.getArbGeomParams()
-        rest, stiff = abc.v3f([(3 * x, y, z) for x, y, z in POINTS]), abc.array(imath.FloatArray, [0, 0.5, 1] * 2)
-        flipped = abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS])
-        for kind, name, values in (("P3f", "Pref", rest), ("Float", "stiff", stiff), ("V2f", "map2", flipped)):
-            made = getattr(AbcGeom, f"O{kind}GeomParam")(group, name, False, abc.VERTEX, 1)
-            made.set(getattr(AbcGeom, f"O{kind}GeomParamSample")(values, abc.VERTEX))
+        parameter(schema, "P3f", "Pref", abc.v3f([(3 * x, y, z) for x, y, z in POINTS]))
+        parameter(schema, "Float", "stiff", abc.array(imath.FloatArray, [0, 0.5, 1] * 2))
+        parameter(schema, "Float", "wrong", abc.array(imath.FloatArray, [0, 1]), [0, 1, 2, 0, 1, 0])
+        parameter(schema, "V2f", "map2", abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS]))
 
     path = write(tmp_path / "a.abc", extra=extra)
     shape = Scene(path, SceneOptions(rigidity_primvar="stiff", uv="map2")).shapes[0]
@@ -152,6 +171,7 @@ def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
     assert Scene(path, SceneOptions(rest="frame:3")).shapes[0].rest[2, 0] == pytest.approx(2.2)
     for options, message in (
         (SceneOptions(rest="bind"), "/group/mesh: Alembic has no skeletons"),
+        (SceneOptions(rigidity_primvar="wrong"), "/group/mesh: wrong names a value that it does not have"),
         (SceneOptions(mask_primvar="none"), "no mesh has the primvar 'none' for the mask"),
         (SceneOptions(uv="none", meshes=("mesh",)), "/group/mesh: has no UVs 'none'"),
         (SceneOptions(meshes=("hat",)), "'hat' is no mesh of the scene"),

@@ -9,11 +9,11 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
-from scenes import saved
+from scenes import UVS, saved
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 from vrtm.bake.scene.topology import unique_names
 
-FACE_VARYING = [scenes.UVS[vertex] for vertex in scenes.INDICES]
+FACE_VARYING = [UVS[vertex] for vertex in scenes.INDICES]
 
 
 @pytest.fixture
@@ -31,11 +31,11 @@ def corner_uvs(shape) -> np.ndarray:
 @pytest.mark.parametrize(
     ("values", "interpolation", "indices"),
     [
-        (scenes.UVS, "vertex", None),
-        (scenes.UVS, "varying", None),
-        (scenes.UVS[::-1], "vertex", [5, 4, 3, 2, 1, 0]),
+        (UVS, "vertex", None),
+        (UVS, "varying", None),
+        (UVS[::-1], "vertex", [5, 4, 3, 2, 1, 0]),
         (FACE_VARYING, "faceVarying", None),
-        (scenes.UVS, "faceVarying", scenes.INDICES),
+        (UVS, "faceVarying", scenes.INDICES),
         ([(0, 1), (0.5, 0.5)], "uniform", None),
         ([(0.5, 0.5)], "constant", None),
     ],
@@ -59,15 +59,31 @@ def test_inherited_uvs(stage: Usd.Stage) -> None:
     assert np.array_equal(corner_uvs(Scene(saved(stage)).shapes[0]), np.full((8, 2), (0.25, 0.75)))
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "third"),
+    [("TexCoord3fArray", "map1", 0), ("TexCoord3dArray", "st", 1), ("Float3Array", "uv", 0), ("Half3Array", "st", 2)],
+)
+def test_uvs_of_three_numbers_are_u_and_v(stage: Usd.Stage, kind: str, name: str, third: int) -> None:
+    mesh = scenes.mesh(stage, "/mesh", uvs=None)
+    scenes.primvar(mesh.GetPrim(), name, getattr(scenes.TYPES, kind), [(u, v, third * v) for u, v in UVS], "vertex")
+    scene = Scene(saved(stage))
+    assert scene.shapes[0].uv_name == name and np.array_equal(corner_uvs(scene.shapes[0]), FACE_VARYING)
+    told = ["/mesh: its UVs have three numbers, the third of which is left out"]
+    assert scene.warnings == told[: third > 0]
+
+
 def test_values_that_were_not_authored_and_holes_leave_faces_without_uvs(stage: Usd.Stage) -> None:
-    values, indices = [(9, 9), *scenes.UVS], [1, 2, 5, 4, 0, 3, 6, 5]
+    values, indices = [(9, 9), *UVS], [1, 2, 5, 4, 0, 3, 6, 5]
     mesh = scenes.mesh(stage, "/mesh", uvs=values, interpolation="faceVarying", indices=indices)
     UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").SetUnauthoredValuesIndex(0)
-    assert Scene(saved(stage)).shapes[0].uv_indices.tolist() == [1, 2, 5, 4, -1, -1, -1, -1]
+    scene = Scene(saved(stage))
+    assert scene.shapes[0].uv_indices.tolist() == [1, 2, 5, 4, -1, -1, -1, -1]
+    assert scene.warnings == ["/mesh: 1 of its 2 faces are without UVs: nothing is baked there"]
     mesh.CreateHoleIndicesAttr([0])
     mesh.GetHoleIndicesAttr().Set([0])
     UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").SetUnauthoredValuesIndex(-1)
-    assert Scene(saved(stage)).shapes[0].uv_indices.tolist() == [-1, -1, -1, -1, 0, 3, 6, 5]
+    scene = Scene(saved(stage))
+    assert scene.shapes[0].uv_indices.tolist() == [-1, -1, -1, -1, 0, 3, 6, 5] and not scene.warnings
 
 
 def test_which_uv_set(stage: Usd.Stage) -> None:
@@ -75,7 +91,7 @@ def test_which_uv_set(stage: Usd.Stage) -> None:
     assert Scene(saved(stage)).shapes[0].uv_name == "map1"
     scenes.primvar(mesh.GetPrim(), "st_redirected", scenes.TYPES.TexCoord2fArray, FACE_VARYING, "faceVarying")
     assert Scene(saved(stage)).shapes[0].uv_name == "map1", "an earlier bake's primvar is no UV set of the artist's"
-    other = [(u / 2, v) for u, v in scenes.UVS]
+    other = [(u / 2, v) for u, v in UVS]
     scenes.primvar(mesh.GetPrim(), "map2", scenes.TYPES.Float2Array, other, "vertex")
     assert Scene(saved(stage)).shapes[0].uv_name == "map1", "a primvar whose role is a texture coordinate comes first"
     shape = Scene(saved(stage), SceneOptions(uv="map2")).shapes[0]
@@ -87,6 +103,15 @@ def test_which_uv_set(stage: Usd.Stage) -> None:
     assert Scene(saved(stage)).shapes[0].uv_name == "st"
     with pytest.raises(SceneError, match=r"no mesh to bake.*/mesh has no UVs 'none'"):
         Scene(saved(stage), SceneOptions(uv="none"))
+    # What cannot be taken, or not without being named, is told.
+    mesh.GetPrim().GetAttribute("primvars:st").SetTypeName(scenes.TYPES.Color3fArray)
+    with pytest.raises(SceneError, match=r"/mesh has no UVs 'st': primvars:st is a color3f\[\]\)"):
+        Scene(saved(stage), SceneOptions(uv="st"))
+    bald = scenes.mesh(stage, "/bald", uvs=None)
+    scenes.primvar(bald.GetPrim(), "map9", scenes.TYPES.Float3Array, [(u, v, 0) for u, v in UVS], "vertex")
+    assert Scene(saved(stage), SceneOptions(meshes=("/bald",), uv="map9")).shapes[0].uv_name == "map9"
+    with pytest.raises(SceneError, match="/bald: has no UVs, but map9 of three numbers, which --uv can name"):
+        Scene(saved(stage), SceneOptions(meshes=("/bald",)))
 
 
 def test_time_samples_and_frames(tmp_path: Path) -> None:
@@ -159,7 +184,7 @@ def test_hidden_meshes_are_left_out(stage: Usd.Stage) -> None:
 
 def test_choice_of_meshes_and_names(stage: Usd.Stage) -> None:
     for path in ("/a/body", "/b/body", "/b/Hat", "/b/hat", "/b/bald"):
-        scenes.mesh(stage, path, uvs=None if path == "/b/bald" else scenes.UVS)
+        scenes.mesh(stage, path, uvs=None if path == "/b/bald" else UVS)
     path = saved(stage)
     assert [shape.name for shape in Scene(path).shapes] == ["a_body", "b_body", "b_Hat", "b_hat_2"]
     for wanted, found in {
@@ -294,7 +319,23 @@ def test_values_per_vertex(stage: Usd.Stage) -> None:
     scenes.primvar(prim, "displayColor", colour, [(0.5, 0.5, 0.5), (1, 0, 0), *[(1, 1, 1)] * 4], "vertex")
     scenes.primvar(prim, "few", plain, [1, 2], "vertex")
     scenes.primvar(prim, "words", scenes.TYPES.StringArray, ["a"] * 6, "vertex")
+    # Indices of other integers, two of which name no value, and values that change.
+    scenes.primvar(prim, "some", plain, [0.25, 1], "vertex").GetAttr().Set([0.5, 1], 1)
+    prim.GetAttribute("primvars:some").Set([0.75, 1], 2)
+    prim.CreateAttribute("primvars:some:indices", scenes.TYPES.Int64Array).Set([0, -1, 1, 1, 0, -1])
+    prim.CreateAttribute("primvars:few:indices", scenes.TYPES.UIntArray).Set([0, 1, 2, 0, 0, 0])
+    pref = scenes.primvar(prim, "Pref", scenes.TYPES.Point3fArray, scenes.POINTS, "vertex", [0, 1, 2, 3, 4, -1])
+    with pytest.raises(SceneError, match="primvars:Pref has no value in 1 places"):
+        Scene(saved(stage))
+    pref.GetAttr().Block()
     path = saved(stage)
+    for option, value in (("rigidity", 0), ("mask", 1)):
+        scene = Scene(path, SceneOptions(**{f"{option}_primvar": "some"}))
+        assert getattr(scene.shapes[0], f"vertex_{option}").tolist() == [0.5, value, 1, 1, 0.5, value]
+        assert scene.warnings == [
+            "/mesh: primvars:some changes over time; it is read at time code 1",
+            f"/mesh: primvars:some has no value in 2 of 6 places: {value} is taken there",
+        ]
     for name, expected in {
         "vertices": [0, 0.5, 1, 1, 0.5, 0],
         "primvars:all": [0.25] * 6,
@@ -306,7 +347,7 @@ def test_values_per_vertex(stage: Usd.Stage) -> None:
         assert shape.vertex_rigidity.tolist() == pytest.approx(expected), name
         assert shape.vertex_rigidity.dtype == np.float32 and shape.vertex_mask[2] == 1
     for name, message in {
-        "few": "primvars:few has 2 values of interpolation vertex, not 6",
+        "few": "primvars:few:indices has 2, but there are 2 values",
         "words": r"primvars:words is a string\[\], not numbers",
         "none": "no mesh has the primvar 'none' for the rigidity",
     }.items():
@@ -329,7 +370,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"no mesh to bake.*/bald has no UVs"):
         Scene(saved(stage))
     wrongs = {
-        "few_uvs": ({"uvs": scenes.UVS[:3]}, "primvars:st has 3 values of interpolation vertex, not 6"),
+        "few_uvs": ({"uvs": UVS[:3]}, "primvars:st has 3 values of interpolation vertex, not 6"),
         "few_corners": ({"faces": scenes.INDICES[:7]}, "the faces have 8 corners, but 7 vertices are listed"),
         "no_vertex": ({"faces": [*scenes.INDICES[:7], 6]}, "corner 7 names the vertex 6, but there are 6"),
         "no_uv": (
@@ -368,7 +409,7 @@ BAKE = SceneOptions(lenient=True)
 
 
 def uv_set(prim: UsdGeom.Mesh, name: str) -> None:
-    scenes.primvar(prim.GetPrim(), name, scenes.TYPES.TexCoord2fArray, scenes.UVS, "vertex")
+    scenes.primvar(prim.GetPrim(), name, scenes.TYPES.TexCoord2fArray, UVS, "vertex")
 
 
 def two(path: Path) -> Usd.Stage:
@@ -412,7 +453,7 @@ def test_a_mesh_that_cannot_be_read_does_not_end_a_bake(tmp_path: Path) -> None:
     prop = scenes.mesh(stage, "/prop", name="UVMap")
     uv_set(prop, "lightmap")
     # As many UVs as a mesh of other faces has, and a mesh that the file with the rest lacks.
-    scenes.mesh(stage, "/broken", uvs=scenes.UVS[:3])
+    scenes.mesh(stage, "/broken", uvs=UVS[:3])
     for mesh in ("/body", "/hat"):
         scenes.stretch(scenes.mesh(stage, mesh), (1, 2, 3))
     stage.Save()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh
+from vrtm.bake.scene.alembic_file import UV_KINDS, AlembicFile, AlembicMesh
 from vrtm.bake.scene.obj import rest_from_file
 from vrtm.bake.scene.posed import PosedMesh, PosedSource
 from vrtm.bake.scene.refine import Cage
@@ -40,7 +40,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
         self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, self.left_out)
         groups: dict[tuple[str, ...], list[AlembicShape]] = {}
         for mesh, uvs in chosen:
-            posed = AlembicShape(mesh, uvs, options, self.frames, self.clock)
+            posed = AlembicShape(mesh, uvs, self.frames, self.clock, options, self.warnings)
             # As long as they are scaled alike.
             identity = (mesh.origin, posed.scaled_alike() if options.world else "")
             groups.setdefault(identity, []).append(posed)
@@ -81,7 +81,9 @@ class AlembicSource(PosedSource["AlembicShape"]):
             sets = (mesh.uvs(name) for name in options.uv_names or (None,))
             uvs = next((found for found in sets if found is not None), None)
             if uvs is None:
-                self._leave_out(mesh.path, f"has no UVs{options.uv_text}", mesh.is_still(options))
+                there = ", ".join(name for name in mesh.params() if mesh.param(name, UV_KINDS))
+                reason = f"has no UVs{options.uv_text}{f', but {there}' if there else ''}"
+                self._leave_out(mesh.path, reason, mesh.is_still(options))
             else:
                 chosen.append((mesh, uvs))
         self.left_out += [
@@ -100,8 +102,16 @@ class AlembicSource(PosedSource["AlembicShape"]):
 class AlembicShape(PosedMesh):
     """A mesh of an archive as the library takes it, and its poses."""
 
-    def __init__(self, mesh: AlembicMesh, uvs: Any, options: SceneOptions, frames: Sequence[int], clock: Clock) -> None:
-        super().__init__(mesh.where, mesh.path, frames, options)
+    def __init__(
+        self,
+        mesh: AlembicMesh,
+        uvs: Any,
+        frames: Sequence[int],
+        clock: Clock,
+        options: SceneOptions,
+        warnings: list[str],
+    ) -> None:
+        super().__init__(mesh.where, mesh.path, frames, options, warnings)
         self._mesh, self._clock = mesh, clock
         self._uvs, self._elements, self._interpolation, self._uv_name = uvs
 
@@ -119,7 +129,7 @@ class AlembicShape(PosedMesh):
             name,
             instances,
             self._faces,
-            (self._uvs.reshape(-1, 2), corners),
+            (self._uvs, corners),
             self._subd("Holes", np.int64),
             [self._values(primvar) for primvar in (self._options.rigidity_primvar, self._options.mask_primvar)],
             self._cage if hasattr(self._mesh.schema, "getCreaseIndicesProperty") else None,
@@ -148,9 +158,9 @@ class AlembicShape(PosedMesh):
 
     def _found_rest(self, wanted: str | None) -> tuple[np.ndarray, str]:
         if wanted in (None, "pref"):
-            found = self._mesh.param("Pref", ("P3f", "V3f", "P3d", "V3d"))
-            if found is not None and len(found[1]) == self._points:
-                return found[0][found[1]], "Pref"
+            found = self._parameter("Pref", ("P3f", "V3f", "P3d", "V3d"))
+            if found is not None and len(found[0]) == self._points:
+                return found[0], "Pref"
             if wanted == "pref":
                 raise SceneError(f"{self.where}: no parameter Pref holds a rest position per vertex")
         if wanted == "bind":
@@ -163,14 +173,20 @@ class AlembicShape(PosedMesh):
         return rest_from_file(wanted, self.path, *self._faces, self._points)[0], wanted
 
     def _values(self, name: str | None) -> np.ndarray | None:
-        found = name and self._mesh.param(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))
+        found = name and self._parameter(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))
         if not found:
             return None
-        values, elements, interpolation = found
         try:
-            return per_vertex(values[elements], interpolation, *self._faces, self._points)
+            return per_vertex(*found, *self._faces, self._points)
         except ValueError as error:
             raise SceneError(f"{self.where}: {name} has {error}") from error
+
+    def _parameter(self, name: str, kinds: tuple[str, ...]) -> tuple[np.ndarray, str] | None:
+        """A geometry parameter's values, and their interpolation; None if there is none of one of these types."""
+        found = self._mesh.param(name, kinds)
+        if found is not None and found[1].max(initial=-1) >= len(found[0]):
+            raise SceneError(f"{self.where}: {name} names a value that it does not have")
+        return None if found is None else (found[0][found[1]], found[2])
 
     def _subd(self, what: str, kind: type) -> np.ndarray:
         """Values of a property that subdivision surfaces alone have; empty where it is absent."""

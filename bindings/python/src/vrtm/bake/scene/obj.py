@@ -19,7 +19,7 @@ import numpy as np
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.poses import find_poses
 from vrtm.bake.scene.timing import Clock
-from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
+from vrtm.bake.scene.topology import bare_faces, check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
 _LAST = np.iinfo(np.int32).max
@@ -53,6 +53,8 @@ class ObjSource:
             )
         if (self._mesh.uv_indices < 0).all():
             raise SceneError(f"{path}: no faces with UVs (vt)")
+        bare = bare_faces(self._mesh.counts, self._mesh.uv_indices)
+        self.warnings += [f"{path}: {bare}"] if bare else []
         if options.subdivide:
             raise SceneError(
                 f"{path}: an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"

@@ -10,7 +10,7 @@ import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
-from vrtm.bake.scene.topology import matches, unique_names, without_uvs
+from vrtm.bake.scene.topology import bare_faces, matches, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.words import near
 
@@ -37,9 +37,11 @@ class PosedMesh:
     _found_rest: Callable[[str | None], tuple[np.ndarray, str]]
     """The same of the rest that the options ask for, and where it is from."""
 
-    def __init__(self, where: str, path: str, frames: Sequence[int], options: SceneOptions) -> None:
+    def __init__(
+        self, where: str, path: str, frames: Sequence[int], options: SceneOptions, warnings: list[str]
+    ) -> None:
         self.where, self.path = where, path
-        self._frames, self._options = frames, options
+        self._frames, self._options, self._warnings = frames, options, warnings
         self._refined: Refined | None = None
 
     def positions(self, frame: float) -> np.ndarray:
@@ -99,6 +101,12 @@ class PosedMesh:
         wanted = self._options.rest
         return frame_number(wanted) if wanted is not None and wanted.startswith("frame:") else self._frames[0]
 
+    def _pairs(self, uvs: np.ndarray) -> np.ndarray:
+        """(uvs, 2), f32 or f64: the first two of their numbers."""
+        if uvs.shape[1] > 2 and np.ptp(uvs[:, 2]) > 0:
+            self._warnings.append(f"{self.path}: its UVs have three numbers, the third of which is left out")
+        return uvs[:, :2].astype(uvs.dtype if uvs.dtype == np.float64 else np.float32)
+
     def _shape(
         self,
         name: str,
@@ -113,12 +121,15 @@ class PosedMesh:
         """`faces`, `uvs`: of the cage. `values`: rigidity and mask of its vertices. `cage`: None if it is none."""
         counts, indices = faces
         points, uv_indices = uvs
+        points = self._pairs(points)
         if ((holes < 0) | (holes >= len(counts))).any():
             raise SceneError(f"{self.where}: a hole names a face that the mesh does not have")
         with_holes = without_uvs(counts, uv_indices)
         uv_indices = without_uvs(counts, uv_indices, holes)
         if (uv_indices < 0).all():
             raise SceneError(f"{self.where}: no face has UVs")
+        bare = bare_faces(counts, with_holes)
+        self._warnings += [f"{self.path}: {bare}"] if bare else []
         rest, rest_from = self._rest()
         rigidity, mask = values
         corners = None

@@ -93,6 +93,12 @@ def without_uvs(counts: np.ndarray, uv_indices: np.ndarray, faces: Iterable[int]
     return np.where(bare[face_of_corner], -1, uv_indices).astype(np.int32)
 
 
+def bare_faces(counts: np.ndarray, uv_indices: np.ndarray) -> str:
+    """The end of a warning about faces without UVs; empty if all have some."""
+    bare = np.count_nonzero(uv_indices[corner_starts(counts)[counts > 0]] < 0)
+    return f"{bare} of its {len(counts)} faces are without UVs: nothing is baked there" if bare else ""
+
+
 def per_vertex(
     values: np.ndarray, interpolation: str, counts: np.ndarray, indices: np.ndarray, points: int
 ) -> np.ndarray:
@@ -189,7 +195,7 @@ def whole_frames(first: float, last: float, where: str, warnings: list[str], lef
 
 def unique_names(paths: Sequence[str], warnings: list[str] | None = None) -> list[str]:
     """A name per path that is safe in file names and unique whatever the case of its letters: the last part of the path
-    where that is enough, else all parts, and a number where these are not; of a long one its end. Both are warned of."""
+    where that is enough, else all parts, and a number where these are not; of a long one its end. Both are told."""
     short = [_safe(path.rsplit("/", 1)[-1]) for path in paths]
     count = Counter(map(_folded, short))
     names: list[str] = []
