@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdSkel
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel
 
 import scenes
+from bake_scenes import opened
 from scenes import saved
+from vrtm.bake.failure import Failure
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 
@@ -93,6 +95,36 @@ def test_a_binding_that_cannot_pose_is_an_error(arm: Usd.Stage) -> None:
     UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skin")).GetJointIndicesPrimvar().Set([0, 0, 7, 0, 0, 1])
     with pytest.raises(SceneError, match="/arm/skin"):
         Scene(saved(arm)).positions("skin", 2)
+
+
+@pytest.mark.parametrize(
+    ("prim", "why"),
+    [
+        ("/arm", ("/arm/skin has skel:skeleton", "it is not below a SkelRoot")),
+        ("/arm/skin", ("/arm/skin has skel:skeleton", "the API SkelBindingAPI is not applied to it")),
+        ("/arm/skeleton", ("/arm/skeleton has skel:animationSource", "the API SkelBindingAPI is not")),
+        ("/arm/animation", ("/arm/skin has skel:skeleton", "USD finds no skeleton for it")),
+    ],
+)
+def test_a_skeleton_that_moves_nothing_is_told(arm: Usd.Stage, prim: str, why: tuple[str, str]) -> None:
+    if prim == "/arm":
+        arm.GetPrimAtPath(prim).SetTypeName("Xform")
+    elif prim == "/arm/animation":
+        UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skin")).GetSkeletonRel().SetTargets([prim])
+    else:
+        arm.GetPrimAtPath(prim).RemoveAPI(UsdSkel.BindingAPI)
+    warning, *_ = Scene(saved(arm)).warnings
+    assert warning.startswith(f"/arm/skin: no skeleton moves it: {why[0]}, which is ignored, since {why[1]}")
+    # The error that nothing is to be baked has the reason.
+    with pytest.raises(Failure, match=r"nothing deforms: .*; /arm/skin: no skeleton moves it"):
+        opened(Path(saved(arm)), rigidity="none.png")
+
+
+def test_prototypes_below_an_over_are_skinned(arm: Usd.Stage) -> None:
+    UsdGeom.PointInstancer.Define(arm, "/many").CreatePrototypesRel().SetTargets(["/arm"])
+    arm.GetPrimAtPath("/arm").SetSpecifier(Sdf.SpecifierOver)
+    scene = Scene(saved(arm))
+    assert scene.positions("skin", 10) == pytest.approx(scenes.arm_at(1), abs=1e-5)
 
 
 def test_meshes_beside_a_skinned_one(arm: Usd.Stage) -> None:

@@ -239,13 +239,20 @@ def test_instances_in_the_same_pose_are_one_shape(stage: Usd.Stage) -> None:
     assert scene.positions("mesh", 5)[2].tolist() == pytest.approx([2.4, 0, 0])
 
 
-def test_prototypes_of_point_instancers_are_shapes(stage: Usd.Stage) -> None:
-    instancer = UsdGeom.PointInstancer.Define(stage, "/many")
-    scenes.mesh(stage, "/many/prototypes/stud")
-    instancer.CreatePrototypesRel().SetTargets(["/many/prototypes/stud"])
-    instancer.CreateProtoIndicesAttr([0, 0, 0])
-    instancer.CreatePositionsAttr([(0, 0, 0), (3, 0, 0), (6, 0, 0)])
-    assert [shape.path for shape in Scene(saved(stage)).shapes] == ["/many/prototypes/stud"]
+@pytest.mark.parametrize("specifier", [Sdf.SpecifierDef, Sdf.SpecifierOver, Sdf.SpecifierClass])
+def test_prototypes_of_point_instancers_are_shapes(stage: Usd.Stage, specifier: Sdf.Specifier) -> None:
+    # A prototype of two instancers, one of which is a prototype itself.
+    scenes.stretch(scenes.mesh(stage, "/many/prototypes/group/stud"), [2, 4])
+    for path, target in (("/many", "group"), ("/more", "inner"), ("/many/prototypes/inner", "group/stud")):
+        instancer = UsdGeom.PointInstancer.Define(stage, path)
+        instancer.CreatePrototypesRel().SetTargets([f"/many/prototypes/{target}"])
+        instancer.CreateProtoIndicesAttr([0, 0])
+        instancer.CreatePositionsAttr([(0, 0, 0), (3, 0, 0)])
+    stage.GetPrimAtPath("/many/prototypes").SetSpecifier(specifier)
+    stage.ClearMetadata("startTimeCode")
+    stage.ClearMetadata("endTimeCode")
+    scene = Scene(saved(stage))
+    assert [shape.path for shape in scene.shapes] == ["/many/prototypes/group/stud"] and scene.frames == (2, 3, 4)
 
 
 def test_variants(stage: Usd.Stage) -> None:

@@ -107,9 +107,9 @@ class Work(contextlib.AbstractContextManager):
         scene = self.settings.scene
         if not self.shapes:
             named = f"{still[0]}{others(len(still) - 1)}"
-            moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
+            told = [warning for warning in self.scene.warnings if warning.startswith(tuple(f"{p}: " for p in still))]
             message = f"{scene}: nothing deforms: {named} can be baked if --meshes names it"
-            raise Failure(INPUT, f"{message}; {moved}" if moved else message)
+            raise Failure(INPUT, "; ".join([message, *told]))
         if self.settings.subsets and not any(shape.subsets for shape in self.shapes):
             raise Failure(INPUT, f"--subsets: no mesh of {scene} has subsets that materials can be bound to")
 

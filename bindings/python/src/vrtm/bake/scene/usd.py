@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, UsdGeom
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.posed import PosedSource
@@ -17,6 +17,7 @@ from vrtm.bake.scene.usd_stage import (
     authored_rate,
     hidden,
     open_stage,
+    shown,
     stage_clock,
     stage_files,
     stage_frames,
@@ -65,7 +66,7 @@ class UsdSource(PosedSource[UsdMesh]):
         """Meshes to take, with their paths; instances in the same pose stand together."""
         options = self._options
         taken: dict[Any, tuple[list[str], UsdMesh]] = {}
-        for prim in Usd.PrimRange.Stage(self.stage, Usd.TraverseInstanceProxies()):
+        for prim in shown(self.stage):
             path = str(prim.GetPath())
             if prim.GetTypeName() in _UNREAD and not self._why_not(path):
                 meant = hidden(prim, self.frames, self.clock) is not None

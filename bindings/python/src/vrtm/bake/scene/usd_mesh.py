@@ -46,7 +46,7 @@ class UsdMesh(PosedMesh):
         super().__init__(f"{file} {prim.GetPath()}", str(prim.GetPath()), frames, options, warnings)
         self._prim = prim
         self._mesh = UsdGeom.Mesh(prim)
-        self._skin = skeletons.skin(prim, self.where)
+        self._skin, self._skeletons = skeletons.skin(prim, self.where), skeletons
         self._clock = clock
         self._rest_unit = 1.0
 
@@ -82,6 +82,8 @@ class UsdMesh(PosedMesh):
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
         first, options, further = self._read_faces(), self._options, {}
+        why = "" if self.deforms else self._skeletons.why_still(self._prim)
+        self._warnings += [f"{self.path}: no skeleton moves it: {why}"] if why else []
         uvs = self._uvs(self.uv, first)
         if options.texture_uv is not None:
             texture_uv = self._texture_uv(options.texture_uv)

@@ -21,6 +21,8 @@ from vrtm.bake.words import cause, near
 
 _IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
 _STAGE = re.compile(r"\s*\(\w+ stage .*\)$", re.DOTALL)
+ANY = Usd.PrimIsActive & Usd.PrimIsLoaded
+"""Prims below an `over` or a `class`, too."""
 _MISSING = ("_ReportErrors", "_GetLayerForClip")
 """USD's functions that tell of what a stage lacks."""
 _NO_FORMAT = "Cannot determine file format"
@@ -57,6 +59,25 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     return stage
 
 
+def shown(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """The prims of a stage, those in instances included, and the prototypes of its point instancers that lie below an
+    `over` or a `class`: they are then no prims of their own, but renderers draw their instances."""
+    known: set[Usd.Prim] = set()
+    ranges = [Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())]
+    for prims in ranges:
+        for prim in prims:
+            if prim in known:
+                continue
+            yield prim
+            if not prim.IsDefined() or prim.IsAbstract():
+                known.add(prim)
+            instancer = UsdGeom.PointInstancer(prim)
+            for path in instancer.GetPrototypesRel().GetForwardedTargets() if instancer else ():
+                prototype = stage.GetPrimAtPath(path)
+                if prototype and (not prototype.IsDefined() or prototype.IsAbstract()):
+                    ranges.append(Usd.PrimRange(prototype, Usd.TraverseInstanceProxies(ANY)))
+
+
 def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
     """Files that the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
     found = {}
@@ -75,7 +96,7 @@ def stage_files(stage: Usd.Stage) -> tuple[str, ...]:
     replaces."""
     found = {layer.realPath for layer in stage.GetUsedLayers() if layer.realPath}
     ours = marked(stage)
-    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
+    for prim in shown(stage):
         for name in prim.GetMetadata("clips") or ():
             found.update(asset.resolvedPath for asset in Usd.ClipsAPI(prim).ComputeClipAssetPaths(name))
         if prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
@@ -125,8 +146,7 @@ def stage_clock(stage: Usd.Stage, where: str, fps: float | str | None) -> Clock:
 
 def sample_times(stage: Usd.Stage) -> list[float]:
     """Times of all samples of meshes and animations."""
-    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
-    found = (prim for prim in prims if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
+    found = (prim for prim in shown(stage) if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
     return sorted(
         {t for prim in found for attribute in prim.GetAuthoredAttributes() for t in attribute.GetTimeSamples()}
     )
@@ -177,7 +197,7 @@ def meshes_at_first_frame(
     others at their first time sample; and by their paths how many meters their units are. Raises SceneError."""
     stage = open_stage(file, SceneOptions())
     found, units = [], {}
-    for prim in filter(UsdGeom.Mesh, Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
+    for prim in filter(UsdGeom.Mesh, shown(stage)):
         mesh = UsdGeom.Mesh(prim)
         time = Usd.TimeCode.EarliestTime()
         arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
