@@ -62,6 +62,24 @@ def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None
     run(*sheet_arguments(flat, tmp_path / "collapsed"))
 
 
+def test_cages_of_surfaces_that_renderers_smooth_are_told_once(tmp_path: Path) -> None:
+    scene = sheet(tmp_path / "shot", frames=2, cells=4)
+    stage = Usd.Stage.Open(str(scene))
+    for name, scheme in {"other": "catmullClark", "flat": "none", "bent": "bilinear", "tri": "loop"}.items():
+        Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), f"/model/{name}")
+        stage.GetPrimAtPath(f"/model/{name}").GetAttribute("subdivisionScheme").Set(scheme)
+    # A mesh that states no scheme is a Catmull-Clark surface.
+    stage.GetPrimAtPath(MESH).RemoveProperty("subdivisionScheme")
+    stage.Save()
+    arguments = sheet_arguments(scene, tmp_path / "out", "--dry-run")
+    told, is_one = run(*arguments).stdout.splitlines(), "renderers smooth this subdivision surface"
+    assert [line for line in told if "smooth" in line] == [
+        f"{MESH} and another mesh: {is_one} (catmullClark), and its cage is baked: --subdivide 2 refines it",
+        f"/model/tri: {is_one} (loop), and its cage is baked: its scheme cannot be refined",
+    ]
+    assert "smooth" not in run(*arguments, "--subdivide", 1, "--exclude", "tri").stdout
+
+
 def test_maps_of_another_mesh_or_form_are_not_lost_without_a_word(tmp_path: Path) -> None:
     scene = with_material(tmp_path / "shot")
     stage = Usd.Stage.Open(str(scene))

@@ -132,8 +132,10 @@ class PosedMesh:
         self._warnings += [f"{self.path}: {bare}"] if bare else []
         rest, rest_from = self._rest()
         rigidity, mask = values
-        corners = None
-        if self._options.subdivide and cage is not None:
+        corners, scheme = None, ""
+        if cage is not None and not self._options.subdivide:
+            scheme = cage().scheme
+        elif cage is not None:
             refined = self._refined = Refined(cage(), points, with_holes, self._options.subdivide, holes)
             counts, indices, points, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
             corners, rest = refined.cage_corners, refined.points(rest)
@@ -152,6 +154,7 @@ class PosedMesh:
             rest_from=rest_from,
             still=not self.deforms,
             cage_corners=corners,
+            scheme=scheme if scheme != "bilinear" else "",
             **further,
         )
 

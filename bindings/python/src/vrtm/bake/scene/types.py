@@ -115,6 +115,8 @@ class Shape:
     """Units of the poses in one of the rest, as far as the files say (metersPerUnit)."""
     still: bool = False
     """True if the scene has one pose of it alone."""
+    scheme: str = ""
+    """That of the subdivision surface which renderers show, where its control cage is baked in its place."""
     subsets: dict[str, np.ndarray] = field(default_factory=dict)
     """The faces of the subsets that materials are bound to, by their names."""
     cage_corners: np.ndarray | None = None
