@@ -11,13 +11,14 @@ from pxr import Sdf, Usd
 
 import scenes
 from bake_scenes import image
-from vrtm.bake import frames, image_file, report, staging, warped
+from vrtm.bake import frames, image_file, not_baked, report, staging, warped
 from vrtm.bake.failure import Failure
 from vrtm.bake.layer.clips import export
 from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene, SceneError
 from vrtm.bake.scene.images import read_map, said
 from vrtm.bake.scene.obj import read_obj
+from vrtm.bake.settings import Settings
 
 
 def an_image(path: str) -> None:
@@ -131,6 +132,8 @@ def test_very_many_frames_are_not_listed(stage: Usd.Stage) -> None:
         assert frames.text(scene.frames) == "-1000000000-1000000000"
         with pytest.raises(ValueError, match=r"2000000001 frames, .* more than 100000: --frames"):
             frames.clamp(None, scene.frames)
+        (entry,) = not_baked.of_frames(Settings("a.usda", frames=(1, 2)), scene.frames, (1, 2), ())
+        assert entry.line() == "all but 2 of 2000000001 frames: not in --frames" and entry.meant
 
 
 def test_an_index_of_thousands_of_digits(tmp_path: Path) -> None:

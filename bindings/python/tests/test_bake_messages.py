@@ -156,21 +156,6 @@ def test_a_log_keeps_what_is_said(scene: Path, tmp_path: Path) -> None:
     assert log.read_text().startswith(first)
 
 
-def test_what_is_near_is_named_in_one_line(scene: Path, tmp_path: Path) -> None:
-    arguments = sheet_arguments(scene, tmp_path / "out")
-    for more, words in (
-        (("--meshes", "sheeet"), "did you mean sheet?"),
-        (("--uv", "st0", "--meshes", "sheet"), "has no UVs 'st0': did you mean st?"),
-        (("--qualty", "draft"), "did you mean --quality?"),
-        (("--quality", "best"), "invalid choice: 'best'"),
-        (("--frames", "1-"), "--frames: '1-' is neither a number nor a range"),
-    ):
-        ended = run(*arguments, *more, expect=2)
-        assert words in ended.stderr and len(ended.stderr.splitlines()) == 1, ended.stderr
-    by_vertex = ["bake", scene, "--rigidity-primvar", "Prev", "--out", tmp_path / "out", "--device", "cpu"]
-    assert "no mesh has the primvar 'Prev' for the rigidity: did you mean Pref?" in run(*by_vertex, expect=2).stderr
-
-
 def test_help_has_the_usual_options_first() -> None:
     usual, every = (run("bake", option).stdout for option in ("--help", "--help-all"))
     assert len(re.findall(r"^  --", usual, re.M)) == 10 + len(["--help-all"])

@@ -71,12 +71,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATTERN",
     )
     add("--mask", "Images that are dark where nothing may move.", "PATTERN")
-    add(
-        "--texture",
-        "Also write warped copies of these textures, for renderers that cannot look a map up.",
-        "PATTERN...",
-        dest="textures",
-    )
+    text = "Also write warped copies of these textures, for renderers that cannot look a map up."
+    add("--texture", text, "PATTERN...", dest="textures")
     add("--layer", "Write a USD layer that redirects the shot's textures, to be sublayered over it.", "FILE")
     add(
         "--poses",
@@ -85,12 +81,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "FILE...",
     )
     add("--meshes", "Bake these meshes, by name or path, with * as a wildcard. All that deform by default.", "NAME...")
-    add(
-        "--frames",
-        "Bake these frames, such as 1-10x2,15, -3--1, or 1-3x0.5 with parts of frames. All whole ones by default.",
-        "LIST",
-        type=listed(frames.parse),
-    )
+    text = "Bake these frames, such as 1-10x2,15, -3--1, or 1-3x0.5 with parts of frames. All whole ones by default."
+    add("--frames", text, "LIST", type=listed(frames.parse))
     add("--out", "Write to this folder.", "DIR", default="out")
     add("--sheet", "Also draw a picture per mesh to judge by: the worst frame without and with the maps.")
     add("--dry-run", "List the meshes, tiles, maps, files and memory of the bake, and write nothing.")
@@ -100,38 +92,17 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
 
     add = group("scene")
     add("--exclude", "Leave these meshes out, by name or path, with * as a wildcard.", "NAME...")
-    add(
-        "--uv",
-        "The UV set to bake. Of several names each mesh takes the first that it has. By default st, or the only set.",
-        "NAME...",
-    )
-    add(
-        "--texture-uv",
-        "USD: the UV set that textures are looked up by, if --uv names another one, without overlaps.",
-        "NAME",
-    )
+    text = "The UV set to bake. Of several names each mesh takes the first that it has. By default st, or the only set."
+    add("--uv", text, "NAME...")
+    text = "USD: the UV set that textures are looked up by, if --uv names another one, without overlaps."
+    add("--texture-uv", text, "NAME")
     add("--subsets", "USD: bake each material of a mesh separately; faces without one are the part 'rest'.")
-    add(
-        "--rest",
-        "The shape at rest: bind, pref, first, frame:N, or a file with the same faces. By default the scene's own.",
-        "WHERE",
-    )
-    add(
-        "--subdivide",
-        "Refine subdivision surfaces by so many levels. By default the cage is baked.",
-        "N",
-        type=whole(0, 8),
-        default=0,
-    )
-    add(
-        "--variant",
-        "USD: select a variant. The option may be repeated.",
-        nargs=3,
-        action="append",
-        dest="variants",
-        default=[],
-        metavar=("PRIM", "SET", "SELECTION"),
-    )
+    text = "The shape at rest: bind, pref, first, frame:N, or a file with the same faces. By default the scene's own."
+    add("--rest", text, "WHERE")
+    text = "Refine subdivision surfaces by so many levels. By default the cage is baked."
+    add("--subdivide", text, "N", type=whole(0, 8), default=0)
+    text = "USD: select a variant. The option may be repeated."
+    add("--variant", text, nargs=3, action="append", dest="variants", default=[], metavar=("PRIM", "SET", "SELECTION"))
     add(
         "--fps",
         "Count frames by this rate: frame N is at N / X seconds. With the word file the scene states the rate. By "
@@ -193,13 +164,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         choices=(AUTO, "shut", "keep", "continue"),
         default=AUTO,
     )
-    add(
-        "--seam-reach",
-        "With --seams continue, the radius of the largest feature on a seam, in UV, at most 0.5.",
-        "UV",
-        type=positive,
-        default=Settings.seam_reach,
-    )
+    text = "With --seams continue, the radius of the largest feature on a seam, in UV, at most 0.5."
+    add("--seam-reach", text, "UV", type=positive, default=Settings.seam_reach)
     add(
         "--open-borders",
         "Where the surface ends nothing moves (fixed), or textures slide along the border (slide). With auto, they "
@@ -228,12 +194,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "Also write as few maps as possible whose weighted sum is within --max-error texels (1) of each frame's map, "
         "and the weights of the frames.",
     )
-    add(
-        "--basis-format",
-        "Numbers of these maps: 16-bit floats (EXR), or integers (PNG) with a range per map in the file of weights.",
-        choices=tuple(FORMATS),
-        default=HALF,
-    )
+    text = "Numbers of these maps: 16-bit floats (EXR), or integers (PNG) with a range per map in the file of weights."
+    add("--basis-format", text, choices=tuple(FORMATS), default=HALF)
     add("--gltf", "Also write the mesh as glTF with UV morph targets, for engines and materials without a map.")
     add(
         "--controls",
@@ -266,12 +228,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         choices=("feature", "surface", "none"),
         default="feature",
     )
-    add(
-        "--carry-pieces",
-        "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none).",
-        choices=("none", CONNECTED),
-        default="none",
-    )
+    text = "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none)."
+    add("--carry-pieces", text, choices=("none", CONNECTED), default="none")
 
     add = group("USD layer")
     add(
@@ -288,25 +246,13 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--freeze", "Name the files of this frame at all times, for programs such as Blender.", "FRAME", type=_frame)
 
     add = group("work")
-    add(
-        "--quality",
-        "The quality of the solve; draft is several times as fast.",
-        choices=("draft", "normal"),
-        default="normal",
-    )
+    text = "The quality of the solve; draft is several times as fast."
+    add("--quality", text, choices=("draft", "normal"), default="normal")
     add("--warm", "Start each frame from the one before it in --frames.")
-    add(
-        "--temporal-weight",
-        "With --warm, hold each frame to the one before it, against jitter. Useful are 0.03 to 0.3.",
-        "X",
-        type=positive,
-    )
-    add(
-        "--weld",
-        "Faces are connected by their vertices, by equal positions, or not at all.",
-        choices=WELDS,
-        default="index",
-    )
+    text = "With --warm, hold each frame to the one before it, against jitter. Useful are 0.03 to 0.3."
+    add("--temporal-weight", text, "X", type=positive)
+    text = "Faces are connected by their vertices, by equal positions, or not at all."
+    add("--weld", text, choices=WELDS, default="index")
     add("--device", "Compute on the CPU or on a GPU.", choices=("auto", "cpu", "gpu"), default="auto")
     add("--adapter", "The number of the GPU, as vrtm devices lists it.", "N", type=whole(0, 255))
     add("--jobs", "Frames at a time. By default as the cores and the memory allow.", "N", type=whole(0, 1024))
@@ -320,12 +266,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "TEXELS",
         type=positive,
     )
-    add(
-        "--max-worse",
-        "End with exit code 3 if more painted features of a tile are worse than without vrtm.",
-        "N",
-        type=whole(0, 1 << 31),
-    )
+    text = "End with exit code 3 if more painted features of a tile are worse than without vrtm."
+    add("--max-worse", text, "N", type=whole(0, 1 << 31))
     add("--strict", "End with exit code 2 if anything is not baked unintentionally.")
     add("--texture-size", "Texels of the texture per side, for errors.", "N", type=whole(1, 1 << 20), default=4096)
 
