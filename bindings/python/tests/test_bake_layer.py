@@ -170,15 +170,3 @@ def test_what_a_build_of_usd_cannot_open_is_said_once(tmp_path: Path) -> None:
     (material,) = [line for line in told if "is not in the scene" in line]
     assert material.startswith("vrtm: warning: /model/sheet and 2 other meshes: material /model/sheet_look is not")
     assert "no material is bound" not in ended.stderr
-
-
-def test_prototypes_below_an_over_stay_out_of_the_picture(tmp_path: Path) -> None:
-    scene, layer = with_material(tmp_path / "shot", frames=2), tmp_path / "redirect.usda"
-    stage = Usd.Stage.Open(str(scene))
-    UsdGeom.PointInstancer.Define(stage, "/many").CreatePrototypesRel().SetTargets(["/model"])
-    stage.GetPrimAtPath("/model").SetSpecifier(Sdf.SpecifierOver)
-    stage.Save()
-    run(*sheet_arguments(scene, tmp_path / "maps", "--layer", layer))
-    over = Usd.Stage.Open(str(layer))
-    over.GetRootLayer().subLayerPaths = [str(scene)]
-    assert bound(over, MESH).GetPath().name.endswith("_redirected") and not over.GetPrimAtPath(MESH).IsDefined()

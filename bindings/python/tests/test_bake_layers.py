@@ -274,7 +274,7 @@ def in_two_sets(scene: Path, out: Path, *more: object) -> list[object]:
 def test_maps_hold_uvs_of_the_other_set(unique: Path, tmp_path: Path, form: str) -> None:
     given = in_two_sets(unique, tmp_path / "maps", "--form", form, "--layer", tmp_path / "over.usda", "--measure")
     run(*given)
-    options = SceneOptions(uv="unique", texture_uv="st")
+    options = SceneOptions(uv=("unique",), texture_uv="st")
     with Scene(unique, options) as opened:
         (shape,) = opened.shapes
     asset = solved_alone(unique, 2, SIZE, options=options, uv_sets=[shape.texture_uvs])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 
-from bake_scenes import MESH, files, image, pixels, sheet, sheet_arguments
+from bake_scenes import MESH, files, image, pixels, sheet, sheet_arguments, with_copies
 from conftest import grid
 from vrtm import cli
 from vrtm.bake import left_out
@@ -42,10 +42,7 @@ def test_entries_that_say_the_same_are_told_together() -> None:
 
 def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     scene = sheet(tmp_path / "shot", frames=3, cells=4)
-    stage = Usd.Stage.Open(str(scene))
-    layer = stage.GetRootLayer()
-    for name in ("bald", "hidden", "other", "few", "beyond", "nan"):
-        Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
+    stage = with_copies(scene, "bald", "hidden", "other", "few", "beyond", "nan")
     for name, uvs in (("few", [(0, 0)]), ("beyond", [(-1, -1)] * 50), ("nan", [(math.nan, 0)] * 50)):
         stage.GetPrimAtPath(f"/model/{name}").GetAttribute("primvars:st").Set(uvs)
     stage.GetPrimAtPath("/model/bald").RemoveProperty("primvars:st")

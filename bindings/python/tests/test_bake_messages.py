@@ -3,25 +3,21 @@
 import re
 from pathlib import Path
 
-from pxr import Gf, Sdf, Usd
+from pxr import Gf, Usd
 
-from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
+from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_copies, with_material
 from vrtm import cli
 
 
 def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "shot", frames=2, cells=4)
-    stage = Usd.Stage.Open(str(scene))
-    layer = stage.GetRootLayer()
-    for name in ("rock", "stone"):
-        Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
+    stage = with_copies(scene, "rock", "stone", "bent")
+    for name in ("rock", "stone", "bent"):
         points = stage.GetPrimAtPath(f"/model/{name}").GetAttribute("points")
         rest = points.Get()
         points.Clear()
         points.Set(rest)
     # One that is bent once and for all deforms.
-    Sdf.CopySpec(layer, "/model/rock", layer, "/model/bent")
-    points = stage.GetPrimAtPath("/model/bent").GetAttribute("points")
     points.Set([Gf.Vec3f(p[0] * (1 + 0.1 * p[0]), p[1], p[2]) for p in points.Get()])
     stage.Save()
     ended = run(*sheet_arguments(scene, tmp_path / "out"))
@@ -64,9 +60,8 @@ def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None
 
 def test_cages_of_surfaces_that_renderers_smooth_are_told_once(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "shot", frames=2, cells=4)
-    stage = Usd.Stage.Open(str(scene))
+    stage = with_copies(scene, "other", "flat", "bent", "tri")
     for name, scheme in {"other": "catmullClark", "flat": "none", "bent": "bilinear", "tri": "loop"}.items():
-        Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), f"/model/{name}")
         stage.GetPrimAtPath(f"/model/{name}").GetAttribute("subdivisionScheme").Set(scheme)
     # A mesh that states no scheme is a Catmull-Clark surface.
     stage.GetPrimAtPath(MESH).RemoveProperty("subdivisionScheme")
@@ -82,9 +77,7 @@ def test_cages_of_surfaces_that_renderers_smooth_are_told_once(tmp_path: Path) -
 
 def test_maps_of_another_mesh_or_form_are_not_lost_without_a_word(tmp_path: Path) -> None:
     scene = with_material(tmp_path / "shot")
-    stage = Usd.Stage.Open(str(scene))
-    Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), "/model/other")
-    stage.Save()
+    with_copies(scene, "other").Save()
     layer = tmp_path / "over.usda"
     arguments = sheet_arguments(scene, tmp_path / "out", "--meshes")
     run(*arguments, "sheet", "--layer", layer)

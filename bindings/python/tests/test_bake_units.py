@@ -64,7 +64,8 @@ def test_tiles_are_whole_numbers() -> None:
         frames.parse_whole("1001.5")
 
 
-WRONG = r"/a.exr ../a.exr a/../b.exr a.png .exr a/ <other>.exr <fra a\b.exr a//b.exr <kind>.exr"
+WRONG = r"/a.exr ../a.exr a/../b.exr a.png .exr a/ <other>.exr <fra a\b.exr a//b.exr <kind>.exr "
+WRONG += "<frame>$F4.exr <frame>%04d.exr <frame>####.exr <frame>.%(UDIM)d.exr"
 
 
 @pytest.mark.parametrize("text", WRONG.split())

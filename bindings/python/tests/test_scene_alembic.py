@@ -165,7 +165,7 @@ def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
         parameter(schema, "V2f", "map2", abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS]))
 
     path = write(tmp_path / "a.abc", extra=extra)
-    shape = Scene(path, SceneOptions(rigidity_primvar="stiff", uv="map2")).shapes[0]
+    shape = Scene(path, SceneOptions(rigidity_primvar="stiff", uv=("map2",))).shapes[0]
     assert shape.rest[5].tolist() == [6, 1, 0] and shape.vertex_rigidity.tolist() == [0, 0.5, 1, 0, 0.5, 1]
     assert shape.uv_name == "map2" and shape.uvs[2].tolist() == [0, 1] and shape.vertex_mask is None
     assert Scene(path, SceneOptions(rest="frame:3")).shapes[0].rest[2, 0] == pytest.approx(2.2)
@@ -173,7 +173,7 @@ def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
         (SceneOptions(rest="bind"), "/group/mesh: Alembic has no skeletons"),
         (SceneOptions(rigidity_primvar="wrong"), "/group/mesh: wrong names a value that it does not have"),
         (SceneOptions(mask_primvar="none"), "no mesh has the primvar 'none' for the mask"),
-        (SceneOptions(uv="none", meshes=("mesh",)), "/group/mesh: has no UVs 'none'"),
+        (SceneOptions(uv=("none",), meshes=("mesh",)), "/group/mesh: has no UVs 'none'"),
         (SceneOptions(meshes=("hat",)), "'hat' is no mesh of the scene"),
     ):
         with pytest.raises(SceneError, match=message):

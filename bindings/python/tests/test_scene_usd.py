@@ -96,7 +96,7 @@ def test_which_uv_set(stage: Usd.Stage) -> None:
     other = [(u / 2, v) for u, v in UVS]
     scenes.primvar(mesh.GetPrim(), "map2", scenes.TYPES.Float2Array, other, "vertex")
     assert Scene(saved(stage)).shapes[0].uv_name == "map1", "a primvar whose role is a texture coordinate comes first"
-    shape = Scene(saved(stage), SceneOptions(uv="map2")).shapes[0]
+    shape = Scene(saved(stage), SceneOptions(uv=("map2",))).shapes[0]
     assert shape.uv_name == "map2" and shape.uvs[2].tolist() == [0.5, 0]
     scenes.primvar(mesh.GetPrim(), "map3", scenes.TYPES.TexCoord2fArray, other, "vertex")
     with pytest.raises(SceneError, match=r"a\.usda /mesh: several UV sets \(map1, map3\)"):
@@ -104,14 +104,14 @@ def test_which_uv_set(stage: Usd.Stage) -> None:
     scenes.primvar(mesh.GetPrim(), "st", scenes.TYPES.TexCoord2fArray, other, "vertex")
     assert Scene(saved(stage)).shapes[0].uv_name == "st"
     with pytest.raises(SceneError, match=r"no mesh to bake.*/mesh has no UVs 'none'"):
-        Scene(saved(stage), SceneOptions(uv="none"))
+        Scene(saved(stage), SceneOptions(uv=("none",)))
     # What cannot be taken, or not without being named, is told.
     mesh.GetPrim().GetAttribute("primvars:st").SetTypeName(scenes.TYPES.Color3fArray)
     with pytest.raises(SceneError, match=r"/mesh has no UVs 'st': primvars:st is a color3f\[\]\)"):
-        Scene(saved(stage), SceneOptions(uv="st"))
+        Scene(saved(stage), SceneOptions(uv=("st",)))
     bald = scenes.mesh(stage, "/bald", uvs=None)
     scenes.primvar(bald.GetPrim(), "map9", scenes.TYPES.Float3Array, [(u, v, 0) for u, v in UVS], "vertex")
-    assert Scene(saved(stage), SceneOptions(meshes=("/bald",), uv="map9")).shapes[0].uv_name == "map9"
+    assert Scene(saved(stage), SceneOptions(meshes=("/bald",), uv=("map9",))).shapes[0].uv_name == "map9"
     with pytest.raises(SceneError, match="/bald: has no UVs, but map9 of three numbers, which --uv can name"):
         Scene(saved(stage), SceneOptions(meshes=("/bald",)))
 

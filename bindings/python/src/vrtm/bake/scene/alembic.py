@@ -78,7 +78,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
             if mesh.hidden:
                 self._leave_out(mesh.path, "is hidden", True)
                 continue
-            sets = (mesh.uvs(name) for name in options.uv_names or (None,))
+            sets = (mesh.uvs(name) for name in options.uv or (None,))
             uvs = next((found for found in sets if found is not None), None)
             if uvs is None:
                 there = ", ".join(name for name in mesh.params() if mesh.param(name, UV_KINDS))

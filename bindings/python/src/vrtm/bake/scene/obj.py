@@ -47,9 +47,9 @@ class ObjSource:
             raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
         if options.fps is not None:
             raise SceneError(f"{path}: poses from OBJ files have numbers and no times, which --fps asks for")
-        if options.uv_names:
+        if options.uv:
             raise SceneError(
-                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv_names[0]}' cannot be chosen"
+                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv[0]}' cannot be chosen"
             )
         if (self._mesh.uv_indices < 0).all():
             raise SceneError(f"{path}: no faces with UVs (vt)")

@@ -42,9 +42,9 @@ class SceneOptions:
     that have UVs."""
     exclude: tuple[str, ...] = ()
     """The same of meshes that are left out."""
-    uv: str | tuple[str, ...] | None = None
-    """Name of the UV set, or several: of these each mesh takes the first that it has. None: the scene's default (`st`,
-    or the only one, in USD, the mesh's own in Alembic, the only one in OBJ)."""
+    uv: tuple[str, ...] = ()
+    """Names of UV sets: of these each mesh takes the first that it has. Empty: the scene's default (`st`, or the only
+    one, in USD, the mesh's own in Alembic, the only one in OBJ)."""
     rest: str | None = None
     """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
     where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
@@ -69,14 +69,9 @@ class SceneOptions:
         return path in self.meshes or path.rsplit("/", 1)[-1] in self.meshes
 
     @property
-    def uv_names(self) -> tuple[str, ...]:
-        """The UV sets that are asked for, in order of preference."""
-        return (self.uv,) if isinstance(self.uv, str) else self.uv or ()
-
-    @property
     def uv_text(self) -> str:
         """End of the sentence `has no UVs`, if UV sets are asked for."""
-        return f" {' or '.join(map(repr, self.uv_names))}" if self.uv_names else ""
+        return f" {' or '.join(map(repr, self.uv))}" if self.uv else ""
 
 
 @dataclass(frozen=True, eq=False)

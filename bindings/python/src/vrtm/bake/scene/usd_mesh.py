@@ -53,14 +53,14 @@ class UsdMesh(PosedMesh):
     @cached_property
     def uv(self) -> UsdGeom.Primvar | None:
         """Its UVs; None if it has none. Raises SceneError as `find_uv` does."""
-        return find_uv(self._prim, self._options.uv_names, self.where)
+        return find_uv(self._prim, self._options.uv, self.where)
 
     def primvars(self) -> list[str]:
         return [primvar.GetPrimvarName() for primvar in authored(self._prim)]
 
     def other_uvs(self) -> str:
         """The end of a sentence about a missing UV set: its name, and that of one that is near."""
-        there, names = authored(self._prim), self._options.uv_names
+        there, names = authored(self._prim), self._options.uv
         found = (near(name, map(UsdGeom.Primvar.GetPrimvarName, there)) for name in names)
         odd = (f": {p.GetName()} is a {p.GetTypeName()}" for p in there if p.GetPrimvarName() in names)
         hint = next(filter(None, [*odd, *found]), "")

@@ -173,21 +173,16 @@ def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
     purpose = imageable.ComputePurpose()
     if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
         return f"has the purpose '{purpose}'"
-    codes = map(clock.time, _turns(prim, frames, clock))
-    if all(imageable.ComputeVisibility(code) == UsdGeom.Tokens.invisible for code in codes):
-        return "is invisible in all frames"
-    return None
-
-
-def _turns(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> set[int]:
-    """The frames from which a mesh may be visible or not: there are few of them, however many frames there are."""
+    # The frames from which it may be visible or not: there are few of them, however many frames there are.
     turns = {frames[0]}
     while prim:
         visibility = prim.GetAttribute(UsdGeom.Tokens.visibility)
         times = visibility.GetTimeSamples() if visibility else ()
         turns.update(math.ceil(min(max(clock.frame(time), frames[0]), frames[-1])) for time in times)
         prim = prim.GetParent()
-    return turns
+    codes = map(clock.time, turns)
+    every = all(imageable.ComputeVisibility(code) == UsdGeom.Tokens.invisible for code in codes)
+    return "is invisible in all frames" if every else None
 
 
 def meshes_at_first_frame(
