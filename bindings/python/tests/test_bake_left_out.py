@@ -62,8 +62,8 @@ def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.Capt
         "frame 1: not in --frames",
         "frame 8: the scene has 1-3",
         "/model/sheet, tile 1002: no map of --rigidity: nothing keeps its shape there",
-        "/model/beyond: cannot be baked: none of its UVs lies in a UDIM tile: u from -1 to -1, v from -1 to -1, and "
-        "there are none below 0",
+        "/model/beyond: cannot be baked: none of its UVs lies in a UDIM tile: u from -1 to -1; v from -1 to -1; "
+        "tiles have numbers where u is 0 to 10 and v is 0 to 900",
         "/model/nan: cannot be baked: vrtm_asset_create: desc.uvs[0]: component 0 is NaN",
     ]
     assert said.out.split("not baked:\n")[1].splitlines()[: len(told)] == [f"  {line}" for line in told]

@@ -141,20 +141,9 @@ def corner_elements(
 def outside(uvs: np.ndarray, uv_indices: np.ndarray) -> str:
     """Bounds of the UVs of a mesh that lie in no UDIM tile, and of all tiles, in words."""
     uvs = uvs[np.unique(uv_indices[uv_indices >= 0])].astype(np.float64)
-    uvs = uvs[np.isfinite(uvs).all(axis=-1)]
-    beyond = uvs[((uvs < 0) | (uvs > TILES)).any(axis=-1)]
-    low, high = (found(beyond, axis=0) for found in (np.min, np.max)) if len(beyond) else (np.zeros(2), np.zeros(2))
-    lies = f"u from {low[0]:.4g} to {high[0]:.4g}, v from {low[1]:.4g} to {high[1]:.4g}, and " if len(beyond) else ""
-    reasons = [
-        text
-        for is_so, text in (
-            (high[0] > TILES[0], f"u of {TILES[0]} and more has no number"),
-            (low.min() < 0, "there are none below 0"),
-            (high[1] > TILES[1], f"none is read above a v of {TILES[1]}"),
-        )
-        if is_so
-    ]
-    return lies + ("; ".join(reasons) or f"tiles have numbers where u is 0 to {TILES[0]} and v is 0 to {TILES[1]}")
+    beyond = uvs[np.isfinite(uvs).all(axis=-1) & ((uvs < 0) | (uvs > TILES)).any(axis=-1)]
+    bounds = (f"{axis} from {of.min():.4g} to {of.max():.4g}" for axis, of in zip("uv", beyond.T) if len(of))
+    return "; ".join([*bounds, f"tiles have numbers where u is 0 to {TILES[0]} and v is 0 to {TILES[1]}"])
 
 
 def luminance(colours: np.ndarray) -> np.ndarray:
