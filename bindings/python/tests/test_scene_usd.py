@@ -412,25 +412,18 @@ def uv_set(prim: UsdGeom.Mesh, name: str) -> None:
     scenes.primvar(prim.GetPrim(), name, scenes.TYPES.TexCoord2fArray, UVS, "vertex")
 
 
-def two(path: Path) -> Usd.Stage:
-    """A body with `st`, and a jacket with two other sets; both are stretched."""
-    stage = scenes.stage(path)
-    body = scenes.mesh(stage, "/body")
-    jacket = scenes.mesh(stage, "/jacket", name="UVMap")
-    uv_set(jacket, "lightmap")
-    for prim in (body, jacket):
-        scenes.stretch(prim, (1, 2, 3))
-    stage.Save()
-    return stage
-
-
 def chosen(path: Path, *names: str) -> dict[str, str]:
     return {shape.path: shape.uv_name for shape in Scene(path, SceneOptions(uv=names)).shapes}
 
 
 def test_each_mesh_takes_the_first_uv_set_that_it_has(tmp_path: Path) -> None:
     path = tmp_path / "a.usda"
-    stage = two(path)
+    stage = scenes.stage(path)
+    body, jacket = scenes.mesh(stage, "/body"), scenes.mesh(stage, "/jacket", name="UVMap")
+    uv_set(jacket, "lightmap")
+    for prim in (body, jacket):
+        scenes.stretch(prim, (1, 2, 3))
+    stage.Save()
     with pytest.raises(SceneError, match=r"/jacket: several UV sets \(UVMap, lightmap\).* --uv UVMap st"):
         Scene(path, BAKE)
     assert chosen(path, "UVMap", "st") == chosen(path, "st", "none", "UVMap") == {"/body": "st", "/jacket": "UVMap"}
@@ -441,7 +434,7 @@ def test_each_mesh_takes_the_first_uv_set_that_it_has(tmp_path: Path) -> None:
     (entry,) = scene.left_out
     assert (entry.mesh, entry.meant) == ("/body", False) and entry.why == "has no UVs 'UVMap' or 'UVMap2', but st"
     # The jacket alone is asked for.
-    uv_set(UsdGeom.Mesh.Get(stage, "/jacket"), "st")
+    uv_set(jacket, "st")
     stage.Save()
     assert chosen(path, "UVMap", "st") == {"/body": "st", "/jacket": "UVMap"}
     assert {shape.uv_name for shape in Scene(path, BAKE).shapes} == {"st"}

@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
@@ -59,23 +59,19 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     return stage
 
 
-def shown(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+def shown(stage: Usd.Stage) -> Iterable[Usd.Prim]:
     """The prims of a stage, those in instances included, and the prototypes of its point instancers that lie below an
     `over` or a `class`: they are then no prims of their own, but renderers draw their instances."""
-    known: set[Usd.Prim] = set()
-    ranges = [Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())]
-    for prims in ranges:
-        for prim in prims:
-            if prim in known:
-                continue
-            yield prim
-            if not prim.IsDefined() or prim.IsAbstract():
-                known.add(prim)
-            instancer = UsdGeom.PointInstancer(prim)
-            for path in instancer.GetPrototypesRel().GetForwardedTargets() if instancer else ():
-                prototype = stage.GetPrimAtPath(path)
-                if prototype and (not prototype.IsDefined() or prototype.IsAbstract()):
-                    ranges.append(Usd.PrimRange(prototype, Usd.TraverseInstanceProxies(ANY)))
+    found = dict.fromkeys(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
+    instancers = [prim for prim in found if prim.IsA(UsdGeom.PointInstancer)]
+    for instancer in instancers:
+        for path in UsdGeom.PointInstancer(instancer).GetPrototypesRel().GetForwardedTargets():
+            prototype = stage.GetPrimAtPath(path)
+            if prototype and prototype not in found:
+                below = dict.fromkeys(Usd.PrimRange(prototype, Usd.TraverseInstanceProxies(ANY)))
+                instancers += (prim for prim in below if prim.IsA(UsdGeom.PointInstancer))
+                found |= below
+    return found
 
 
 def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
