@@ -315,7 +315,9 @@ def test_values_per_vertex(stage: Usd.Stage) -> None:
     scenes.primvar(prim, "vertices", plain, [0, 0.5, 1], "vertex", [0, 1, 2, 2, 1, 0])
     scenes.primvar(prim, "all", plain, [0.25], "constant")
     scenes.primvar(prim, "faces", plain, [0, 1], "uniform")
-    scenes.primvar(prim, "corners", plain, [0, 0, 0, 0, 1, 1, 1, 0], "faceVarying")
+    corners = scenes.primvar(prim, "corners", plain, [0, 0, 0, 0, 1, 1, 1, 0], "faceVarying")
+    for time in (1, 5):
+        corners.Set(corners.Get(), time)
     scenes.primvar(prim, "displayColor", colour, [(0.5, 0.5, 0.5), (1, 0, 0), *[(1, 1, 1)] * 4], "vertex")
     scenes.primvar(prim, "few", plain, [1, 2], "vertex")
     scenes.primvar(prim, "words", scenes.TYPES.StringArray, ["a"] * 6, "vertex")
@@ -343,7 +345,9 @@ def test_values_per_vertex(stage: Usd.Stage) -> None:
         "corners": [0, 0.5, 1, 0, 0, 1],
         "displayColor": [0.5, 0.2126, 1, 1, 1, 1],
     }.items():
-        shape = Scene(path, SceneOptions(rigidity_primvar=name, mask_primvar="vertices")).shapes[0]
+        scene = Scene(path, SceneOptions(rigidity_primvar=name, mask_primvar="vertices"))
+        (shape,) = scene.shapes
+        assert not scene.warnings
         assert shape.vertex_rigidity.tolist() == pytest.approx(expected), name
         assert shape.vertex_rigidity.dtype == np.float32 and shape.vertex_mask[2] == 1
     for name, message in {

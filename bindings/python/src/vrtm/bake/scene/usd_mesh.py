@@ -245,7 +245,10 @@ class UsdMesh(PosedMesh):
     def _elements(self, primvar: UsdGeom.Primvar, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
         """The values of a primvar, and which of them each entry has: -1 where none was authored."""
         name, found = primvar.GetName(), primvar.Get(time)
-        if primvar.ValueMightBeTimeVarying():
+        # Some exporters write a sample per frame of what does not change.
+        last = self._code(self._frames[-1])
+        parts = (primvar.GetAttr(), primvar.GetIndicesAttr())
+        if primvar.ValueMightBeTimeVarying() and any(of.Get(time) != of.Get(last) for of in parts if of):
             self._warnings.append(f"{self.path}: {name} changes over time; it is read at time code {time.GetValue():g}")
         if primvar.GetElementSize() != 1:
             raise SceneError(f"{self.where}: {name} has the elementSize {primvar.GetElementSize()}, not 1")
