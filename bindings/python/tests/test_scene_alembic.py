@@ -16,22 +16,10 @@ FACES = [0, 3, 4, 1, 1, 4, 5, 2]
 
 
 def write(
-    path: Path,
-    subd=False,
-    samples=3,
-    start=1.0,
-    uvs=UVS,
-    indices=FACES,
-    scope=AbcGeom.GeometryScope.kFacevaryingScope,
-    then=FACES,
-    extra=None,
-    fps=24,
-    shutter=(0,),
-    cyclic=True,
-    hint=None,
+    path: Path, samples=3, start=1.0, extra=None, fps=24, shutter=(0,), cyclic=True, hint=None, **mesh: object
 ) -> str:
     """A mesh /group/mesh whose right edge moves by 0.1 per sample, at so many frames per second. `shutter`: samples
-    around each frame. `then`: the faces after the first sample."""
+    around each frame. `mesh`: arguments of `alembic_scenes.mesh`."""
     archive = Abc.CreateArchiveWithInfo(str(path), hint, "test", "") if hint else Abc.OArchive(str(path))
     if shutter == (0,):
         times = abc.sampled(archive, start, fps)
@@ -45,15 +33,16 @@ def write(
         times = archive.addTimeSampling(sampling)
     poses = [[(x + 0.1 * number * (x == 2), y, z) for x, y, z in POINTS] for number in range(samples)]
     group = AbcGeom.OXform(archive.getTop(), "group")
-    mesh = abc.mesh(group, "mesh", poses, FACES, times, uvs, subd, indices, scope, then)
+    given = {"uvs": UVS, "indices": FACES, "scope": AbcGeom.GeometryScope.kFacevaryingScope} | mesh
+    made = abc.mesh(group, "mesh", poses, FACES, times, **given)
     if extra:
-        extra(mesh.getSchema())
+        extra(made.getSchema())
     return str(path)
 
 
 @pytest.mark.parametrize("subd", [False, True])
 def test_faces_uvs_and_frames(tmp_path: Path, subd: bool) -> None:
-    scene = Scene(write(tmp_path / "a.abc", subd))
+    scene = Scene(write(tmp_path / "a.abc", subd=subd))
     (shape,) = scene.shapes
     assert (shape.name, shape.path, shape.uv_name) == ("mesh", "/group/mesh", "uv")
     assert shape.indices.tolist() == shape.uv_indices.tolist() == FACES and shape.face_counts.tolist() == [4, 4]

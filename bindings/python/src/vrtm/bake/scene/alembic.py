@@ -6,7 +6,6 @@ Frame N is at N / fps seconds, in the file's own rate by default; between two sa
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,7 +39,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
         self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, self.left_out)
         groups: dict[tuple[str, ...], list[AlembicShape]] = {}
         for mesh, uvs in chosen:
-            posed = AlembicShape(mesh, uvs, self.frames, self.clock, options, self.warnings)
+            posed = AlembicShape(mesh, uvs, self)
             # As long as they are scaled alike.
             identity = (mesh.origin, posed.scaled_alike() if options.world else "")
             groups.setdefault(identity, []).append(posed)
@@ -49,10 +48,10 @@ class AlembicSource(PosedSource["AlembicShape"]):
 
     def _clocked(self, meshes: list[AlembicMesh]) -> Clock:
         """The clock of the samples of meshes, with warnings of those that it does not fit."""
-        world = self._options.world
+        world = self.options.world
         rates = [(mesh, *mesh.rate(world)) for mesh in meshes]
         own = Counter(found for _, found, _ in rates if found)
-        fps = self._options.fps
+        fps = self.options.fps
         if not isinstance(fps, (int, float)):
             hint = self._file.rate
             fits = hint is not None and all(is_whole(max(hint / found, found / hint)) for found in own)
@@ -73,7 +72,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
         return Clock(1.0, fps)
 
     def _chosen(self) -> list[tuple[AlembicMesh, Any]]:
-        options, chosen = self._options, []
+        options, chosen = self.options, []
         for mesh in filter(lambda mesh: self._takes(mesh.path), self._file.meshes()):
             if mesh.hidden:
                 self._leave_out(mesh.path, "is hidden", True)
@@ -102,17 +101,9 @@ class AlembicSource(PosedSource["AlembicShape"]):
 class AlembicShape(PosedMesh):
     """A mesh of an archive as the library takes it, and its poses."""
 
-    def __init__(
-        self,
-        mesh: AlembicMesh,
-        uvs: Any,
-        frames: Sequence[int],
-        clock: Clock,
-        options: SceneOptions,
-        warnings: list[str],
-    ) -> None:
-        super().__init__(mesh.where, mesh.path, frames, options, warnings)
-        self._mesh, self._clock = mesh, clock
+    def __init__(self, mesh: AlembicMesh, uvs: Any, source: AlembicSource) -> None:
+        super().__init__(mesh.path, source)
+        self._mesh = mesh
         self._uvs, self._elements, self._interpolation, self._uv_name = uvs
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:

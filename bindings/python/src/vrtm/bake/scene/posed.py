@@ -10,6 +10,7 @@ import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
+from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import bare_faces, matches, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.words import near
@@ -37,11 +38,10 @@ class PosedMesh:
     _found_rest: Callable[[str | None], tuple[np.ndarray, str]]
     """The same of the rest that the options ask for, and where it is from."""
 
-    def __init__(
-        self, where: str, path: str, frames: Sequence[int], options: SceneOptions, warnings: list[str]
-    ) -> None:
-        self.where, self.path = where, path
-        self._frames, self._options, self._warnings = frames, options, warnings
+    def __init__(self, path: str, source: PosedSource) -> None:
+        self.where, self.path = f"{source.path} {path}", path
+        self._frames, self._clock = source.frames, source.clock
+        self._options, self._warnings = source.options, source.warnings
         self._refined: Refined | None = None
 
     def positions(self, frame: float) -> np.ndarray:
@@ -166,18 +166,20 @@ class PosedSource(Generic[Mesh]):
     """The meshes of a scene of USD or Alembic. See `vrtm.bake.scene.Scene`."""
 
     has_subframes = True
+    frames: Sequence[int]
+    clock: Clock
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         self.warnings: list[str] = []
         self.left_out: list[LeftOut] = []
-        self._path, self._options = path, options
+        self.path, self.options = path, options
         self._paths: list[str] = []
         self._named: set[str] = set()
 
     def _takes(self, path: str) -> bool:
         """True unless --meshes names other meshes, or --exclude names this one."""
         self._paths.append(path)
-        options, why = self._options, self._why_not(path)
+        options, why = self.options, self._why_not(path)
         self._named.update(p for p in (*options.meshes, *options.exclude) if matches(p, path))
         if why:
             self.left_out.append(LeftOut(why, path, meant=True))
@@ -185,29 +187,29 @@ class PosedSource(Generic[Mesh]):
 
     def _why_not(self, path: str) -> str:
         """The option that leaves a mesh out, in words; empty if none does."""
-        if any(matches(pattern, path) for pattern in self._options.exclude):
+        if any(matches(pattern, path) for pattern in self.options.exclude):
             return "named by --exclude"
-        named = not self._options.meshes or any(matches(pattern, path) for pattern in self._options.meshes)
+        named = not self.options.meshes or any(matches(pattern, path) for pattern in self.options.meshes)
         return "" if named else "not named by --meshes"
 
     def _leave_out(self, path: str, why: str, meant: bool) -> None:
         """Raises SceneError for a mesh that --meshes names by itself."""
         self.left_out.append(LeftOut(why, path, meant=meant))
-        if self._options.names(path):
-            raise SceneError(f"{self._path} {path}: {why}")
+        if self.options.names(path):
+            raise SceneError(f"{self.path} {path}: {why}")
 
     def _check_chosen(self, chosen: Collection[object]) -> None:
         """Raises SceneError for names of --meshes without a mesh, and if no mesh is chosen."""
-        for name in (name for name in (*self._options.meshes, *self._options.exclude) if name not in self._named):
+        for name in (name for name in (*self.options.meshes, *self.options.exclude) if name not in self._named):
             kind = self._kind(name)
             hint = near(name, [*self._paths, *(path.rsplit("/", 1)[-1] for path in self._paths)])
-            told = f"{self._path}: '{name}' is {f'a {kind}, not a mesh' if kind else f'no mesh of the scene{hint}'}"
-            if name in self._options.meshes:
+            told = f"{self.path}: '{name}' is {f'a {kind}, not a mesh' if kind else f'no mesh of the scene{hint}'}"
+            if name in self.options.meshes:
                 raise SceneError(told)
             self.warnings.append(f"--exclude: {told}")
         if not chosen:
             why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
-            raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
+            raise SceneError(f"{self.path}: no mesh to bake ({why or 'the scene has none'})")
 
     def _kind(self, path: str) -> str:
         """The kind of another object that is there; empty without one."""
@@ -216,7 +218,7 @@ class PosedSource(Generic[Mesh]):
     def _take(self, groups: Sequence[tuple[Mesh, tuple[str, ...]]]) -> None:
         """Reads meshes that stand for some paths each. One that is not named may be one that cannot be read. Raises
         SceneError, if no mesh is left that of the first."""
-        options, found, errors = self._options, list[Shape](), list[SceneError]()
+        options, found, errors = self.options, list[Shape](), list[SceneError]()
         self._meshes: dict[str, Mesh] = {}
         for name, (mesh, paths) in zip(unique_names([paths[0] for _, paths in groups], self.warnings), groups):
             try:
@@ -235,7 +237,7 @@ class PosedSource(Generic[Mesh]):
         for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
             if name is not None and all(getattr(shape, f"vertex_{what}") is None for shape in found):
                 there = {primvar for mesh in self._meshes.values() for primvar in mesh.primvars()}
-                raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
+                raise SceneError(f"{self.path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
         self.shapes = tuple(found)
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:

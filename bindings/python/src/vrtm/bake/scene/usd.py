@@ -64,7 +64,7 @@ class UsdSource(PosedSource[UsdMesh]):
 
     def _chosen(self) -> list[tuple[list[str], UsdMesh]]:
         """Meshes to take, with their paths; instances in the same pose stand together."""
-        options = self._options
+        options = self.options
         taken: dict[Any, tuple[list[str], UsdMesh]] = {}
         for prim in shown(self.stage):
             path = str(prim.GetPath())
@@ -79,7 +79,7 @@ class UsdSource(PosedSource[UsdMesh]):
             if reason is not None:
                 self._leave_out(path, reason, True)
                 continue
-            mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, self.clock, options, self.warnings)
+            mesh = UsdMesh(prim, self._skeletons, self)
             try:
                 reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
             except SceneError:
@@ -123,7 +123,7 @@ class UsdSource(PosedSource[UsdMesh]):
             odd = next(filter(None, between.values()), None)
             lost = f", and {len(odd)} samples between them, such as {odd[0]:.4g}, are not baked" if odd else ""
             self.warnings.append(
-                f"{self._path}: a second has {codes:g} time codes and {fps:g} frames, but whole time codes are taken "
+                f"{self.path}: a second has {codes:g} time codes and {fps:g} frames, but whole time codes are taken "
                 f"for frames{lost}: --fps file takes {codes / fps:.4g} time codes for each frame"
             )
             return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -11,11 +11,10 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
 from vrtm.bake.scene.obj import rest_from_file
-from vrtm.bake.scene.posed import PosedMesh
+from vrtm.bake.scene.posed import PosedMesh, PosedSource
 from vrtm.bake.scene.refine import Cage
-from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.types import SceneError, Shape, frame_number
 from vrtm.bake.scene.usd_skel import Skeletons
 from vrtm.bake.scene.usd_stage import meters
 from vrtm.bake.words import near
@@ -33,21 +32,11 @@ REDIRECTED = "st_redirected"
 class UsdMesh(PosedMesh):
     """A mesh, or the proxy of one in an instance."""
 
-    def __init__(
-        self,
-        file: str,
-        prim: Usd.Prim,
-        skeletons: Skeletons,
-        frames: Sequence[int],
-        clock: Clock,
-        options: SceneOptions,
-        warnings: list[str],
-    ) -> None:
-        super().__init__(f"{file} {prim.GetPath()}", str(prim.GetPath()), frames, options, warnings)
+    def __init__(self, prim: Usd.Prim, skeletons: Skeletons, source: PosedSource) -> None:
+        super().__init__(str(prim.GetPath()), source)
         self._prim = prim
         self._mesh = UsdGeom.Mesh(prim)
         self._skin, self._skeletons = skeletons.skin(prim, self.where), skeletons
-        self._clock = clock
         self._rest_unit = 1.0
 
     @cached_property
