@@ -190,7 +190,7 @@ def test_a_library_may_fail_anywhere_in_a_damaged_file(stage: Usd.Stage, monkeyp
         monkeypatch.setattr(scene.source, "positions", fail)
         with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed somewhere$"):
             scene.positions(scene.shapes[0], 1)
-    monkeypatch.setattr("vrtm.bake.scene.usd.stage_frames", fail)
+    monkeypatch.setattr("vrtm.bake.scene.usd_stage.stage_frames", fail)
     with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed somewhere$"):
         Scene(scenes.saved(stage))
 

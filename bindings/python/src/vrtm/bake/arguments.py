@@ -222,9 +222,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     )
     add("--layer-mode", text, choices=("texture", "primvar"), default="texture")
     add("--only-layer", "Write nothing but the layer.")
-    add(
-        "--root", "Also write a layer to open directly: the shot's settings, with the layer and the shot below.", "FILE"
-    )
+    add("--root", "Also write a layer to open directly: the shot's settings, the layer and the shot below.", "FILE")
     add("--freeze", "Name the files of this frame at all times, for programs such as Blender.", "FRAME", type=_frame)
 
     add = group("work")

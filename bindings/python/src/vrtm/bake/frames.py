@@ -78,9 +78,7 @@ def clamp(
     whether it has what lies between two of its frames. Raises ValueError for too many."""
     if wanted is None:
         if len(present) > MOST:
-            raise ValueError(
-                f"{len(present)} frames, {text(present)}, are more than {MOST}: --frames says which of them"
-            )
+            raise ValueError(f"{len(present)} frames, {text(present)}, are more than {MOST}: --frames says which")
         return tuple(present), ()
     there = present if isinstance(present, range) else set(present)
 

@@ -110,10 +110,8 @@ class AlembicShape(PosedMesh):
         self._faces = self._mesh.faces(0)
         self._points = len(self._mesh.sample(0))
         check_mesh(self.where, *self._faces, self._points)
-        try:
+        with self._naming(f"the UV set {self._uv_name}"):
             corners = corner_elements(self._interpolation, *self._faces, self._points, self._elements)
-        except ValueError as error:
-            raise SceneError(f"{self.where}: the UV set {self._uv_name} has {error}") from error
         if corners.max(initial=-1) >= len(self._uvs):
             raise SceneError(f"{self.where}: the UV set {self._uv_name} names a UV that it does not have")
         return self._shape(
@@ -167,10 +165,8 @@ class AlembicShape(PosedMesh):
         found = name and self._parameter(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))
         if not found:
             return None
-        try:
+        with self._naming(name):
             return per_vertex(*found, *self._faces, self._points)
-        except ValueError as error:
-            raise SceneError(f"{self.where}: {name} has {error}") from error
 
     def _parameter(self, name: str, kinds: tuple[str, ...]) -> tuple[np.ndarray, str] | None:
         """A geometry parameter's values, and their interpolation; None if there is none of one of these types."""

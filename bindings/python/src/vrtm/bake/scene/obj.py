@@ -48,17 +48,13 @@ class ObjSource:
         if options.fps is not None:
             raise SceneError(f"{path}: poses from OBJ files have numbers and no times, which --fps asks for")
         if options.uv:
-            raise SceneError(
-                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv[0]}' cannot be chosen"
-            )
+            raise SceneError(f"{path}: an OBJ file has one UV set, which has no name: there is no '{options.uv[0]}'")
         if (self._mesh.uv_indices < 0).all():
             raise SceneError(f"{path}: no faces with UVs (vt)")
         bare = bare_faces(self._mesh.counts, self._mesh.uv_indices)
         self.warnings += [f"{path}: {bare}"] if bare else []
         if options.subdivide:
-            raise SceneError(
-                f"{path}: an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"
-            )
+            raise SceneError(f"{path}: an OBJ file states no subdivision surface, which --subdivide refines")
         if not options.poses:
             self.warnings.append(f"{path}: without --poses, its own shape is the only pose")
         self._poses = find_poses(options.poses, self.warnings, self.left_out) if options.poses else {1: path}

@@ -3,7 +3,8 @@ count: they stretch nothing, and far away they cost digits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -100,6 +101,14 @@ class PosedMesh:
         """The frame whose transforms lie above the rest."""
         wanted = self._options.rest
         return frame_number(wanted) if wanted is not None and wanted.startswith("frame:") else self._frames[0]
+
+    @contextmanager
+    def _naming(self, what: str) -> Iterator[None]:
+        """Names what has a wrong count in the block, which raises ValueError."""
+        try:
+            yield
+        except ValueError as error:
+            raise SceneError(f"{self.where}: {what} has {error}") from error
 
     def _pairs(self, uvs: np.ndarray) -> np.ndarray:
         """(uvs, 2), f32 or f64: the first two of their numbers."""

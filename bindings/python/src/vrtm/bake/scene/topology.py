@@ -170,9 +170,7 @@ def whole_frames(first: float, last: float, where: str, warnings: list[str], lef
     frames = range(math.ceil(first - CLOSE), math.floor(last + CLOSE) + 1)
     if not frames:
         frames = range(round(first), round(first) + 1)
-        warnings.append(
-            f"{where}: no frame from {first:g} to {last:g} is a whole number: frame {frames[0]} alone is baked"
-        )
+        warnings.append(f"{where}: no frame from {first:g} to {last:g} is whole: frame {frames[0]} alone is baked")
     ends = {end for end, nearest in ((first, frames[0]), (last, frames[-1])) if abs(end - nearest) > CLOSE}
     if ends:
         between = tuple(round(end, 6) for end in sorted(ends))

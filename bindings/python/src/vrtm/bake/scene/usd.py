@@ -8,21 +8,12 @@ from typing import Any
 from pxr import Sdf, UsdGeom
 
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene import usd_stage
 from vrtm.bake.scene.posed import PosedSource
 from vrtm.bake.scene.timing import Clock, is_between, is_whole, rate
 from vrtm.bake.scene.types import SceneError, SceneOptions
 from vrtm.bake.scene.usd_mesh import UsdMesh
 from vrtm.bake.scene.usd_skel import Skeletons
-from vrtm.bake.scene.usd_stage import (
-    authored_rate,
-    hidden,
-    open_stage,
-    shown,
-    stage_clock,
-    stage_files,
-    stage_frames,
-    unreadable,
-)
 from vrtm.bake.words import others
 
 _FEW = 10
@@ -37,25 +28,25 @@ class UsdSource(PosedSource[UsdMesh]):
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         super().__init__(path, options)
-        self.stage = open_stage(path, options)
-        for asset, why in unreadable(self.stage):
+        self.stage = usd_stage.open_stage(path, options)
+        for asset, why in usd_stage.unreadable(self.stage):
             # Materials are none of what is baked.
             if asset.endswith(".mtlx"):
                 self.warnings.append(f"{path}: {why}")
             else:
                 self.left_out.append(LeftOut(why, path))
-        self.clock = stage_clock(self.stage, path, options.fps)
+        self.clock = usd_stage.stage_clock(self.stage, path, options.fps)
         self.rate = (
             f"{self.clock.frames:.6g} per second (timeCodesPerSecond {self.clock.times:g})" if options.fps else ""
         )
-        self.frames = stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
+        self.frames = usd_stage.stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
         self._take([(mesh, tuple(paths)) for paths, mesh in self._chosen()])
         self._check_times()
 
     @cached_property
     def files(self) -> tuple[str, ...]:
-        return stage_files(self.stage)
+        return usd_stage.stage_files(self.stage)
 
     def close(self) -> None:
         self._meshes.clear()
@@ -66,16 +57,16 @@ class UsdSource(PosedSource[UsdMesh]):
         """Meshes to take, with their paths; instances in the same pose stand together."""
         options = self.options
         taken: dict[Any, tuple[list[str], UsdMesh]] = {}
-        for prim in shown(self.stage):
+        for prim in usd_stage.shown(self.stage):
             path = str(prim.GetPath())
             if prim.GetTypeName() in _UNREAD and not self._why_not(path):
-                meant = hidden(prim, self.frames, self.clock) is not None
+                meant = usd_stage.hidden(prim, self.frames, self.clock) is not None
                 self.left_out.append(LeftOut(f"is a {prim.GetTypeName()}, which is not read", path, meant=meant))
             if not prim.IsA(UsdGeom.Mesh):
                 continue
             if not self._takes(path):
                 continue
-            reason = hidden(prim, self.frames, self.clock)
+            reason = usd_stage.hidden(prim, self.frames, self.clock)
             if reason is not None:
                 self._leave_out(path, reason, True)
                 continue
@@ -116,7 +107,7 @@ class UsdSource(PosedSource[UsdMesh]):
 
     def _check_rate(self, of: dict[str, list[float]]) -> None:
         """Warns of samples between frames, and of time codes that are no frames. `of`: frames of samples by path."""
-        codes, fps = self.stage.GetTimeCodesPerSecond(), authored_rate(self.stage)
+        codes, fps = self.stage.GetTimeCodesPerSecond(), usd_stage.authored_rate(self.stage)
         between = {path: [frame for frame in at if not is_whole(frame)] for path, at in of.items()}
         by_codes = self.clock == Clock()
         if of and by_codes and fps and abs(codes / fps - 1) > 1e-3:

@@ -75,7 +75,10 @@ class UsdMesh(PosedMesh):
         self._warnings += [f"{self.path}: no skeleton moves it: {why}"] if why else []
         uvs = self._uvs(self.uv, first)
         if options.texture_uv is not None:
-            texture_uv = self._texture_uv(options.texture_uv)
+            texture_uv = find_uv(self._prim, (options.texture_uv,), self.where)
+            if texture_uv is None:
+                hint = near(options.texture_uv, self.primvars())
+                raise SceneError(f"{self.where}: has no UVs '{options.texture_uv}' for its textures{hint}")
             values, elements = self._uvs(texture_uv, first)
             further["texture_uvs"] = self._pairs(values), without_uvs(self._counts, elements)
             further["texture_uv_name"] = texture_uv.GetPrimvarName()
@@ -154,14 +157,6 @@ class UsdMesh(PosedMesh):
             or (self._skin and self._skin.moves)
             or (self._options.world and self.is_moved)
         )
-
-    def _texture_uv(self, name: str) -> UsdGeom.Primvar:
-        found = find_uv(self._prim, (name,), self.where)
-        if found is None:
-            raise SceneError(
-                f"{self.where}: has no UVs '{name}' that textures are looked up by{near(name, self.primvars())}"
-            )
-        return found
 
     def _code(self, frame: float) -> Usd.TimeCode:
         return Usd.TimeCode(self._clock.time(frame))
@@ -255,11 +250,9 @@ class UsdMesh(PosedMesh):
     def _uvs(self, uv: UsdGeom.Primvar, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
         values, elements = self._elements(uv, time)
         values = values.reshape(len(values), -1 if len(values) else 2)
-        try:
-            interpolation = str(uv.GetInterpolation())
+        interpolation = str(uv.GetInterpolation())
+        with self._naming(uv.GetName()):
             return values, corner_elements(interpolation, self._counts, self._indices, self._points, elements)
-        except ValueError as error:
-            raise SceneError(f"{self.where}: {uv.GetName()} has {error}") from error
 
     def _values(self, name: str | None, time: Usd.TimeCode, missing: float) -> np.ndarray | None:
         """(vertices,) of a primvar, the mean where it has more values than one per vertex; None if it is missing.
@@ -276,12 +269,9 @@ class UsdMesh(PosedMesh):
             self._warnings.append(f"{self.path}: {told}: {missing:g} is taken there")
         # The last one, which -1 names.
         values = np.concatenate([values, np.full_like(values, missing, shape=(1, *values.shape[1:]))])
-        try:
-            return per_vertex(
-                values[elements], str(primvar.GetInterpolation()), self._counts, self._indices, self._points
-            )
-        except ValueError as error:
-            raise SceneError(f"{self.where}: {primvar.GetName()} has {error}") from error
+        interpolation = str(primvar.GetInterpolation())
+        with self._naming(primvar.GetName()):
+            return per_vertex(values[elements], interpolation, self._counts, self._indices, self._points)
 
     def _found_rest(self, wanted: str | None) -> tuple[np.ndarray, str]:
         first = self._code(self._frames[0])

@@ -21,16 +21,14 @@ class Skeletons:
         self._cache = UsdSkel.Cache()
         self._bound: dict[str, tuple[Any, Any]] = {}
         for prim in shown(stage):
-            if prim.IsA(UsdSkel.Root):
-                self._populate(UsdSkel.Root(prim))
-
-    def _populate(self, root: UsdSkel.Root) -> None:
-        prims = Usd.TraverseInstanceProxies() if root.GetPrim().IsDefined() else Usd.TraverseInstanceProxies(ANY)
-        self._cache.Populate(root, prims)
-        for binding in self._cache.ComputeSkelBindings(root, prims):
-            skeleton = self._cache.GetSkelQuery(binding.GetSkeleton())
-            for target in binding.GetSkinningTargets():
-                self._bound[str(target.GetPrim().GetPath())] = (skeleton, target)
+            if not prim.IsA(UsdSkel.Root):
+                continue
+            root, below = UsdSkel.Root(prim), (() if prim.IsDefined() else (ANY,))
+            self._cache.Populate(root, Usd.TraverseInstanceProxies(*below))
+            for binding in self._cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies(*below)):
+                skeleton = self._cache.GetSkelQuery(binding.GetSkeleton())
+                for target in binding.GetSkinningTargets():
+                    self._bound[str(target.GetPrim().GetPath())] = (skeleton, target)
 
     def skin(self, prim: Usd.Prim, where: str) -> Skin | None:
         """The skinning of a mesh; None if it has none."""
