@@ -167,20 +167,17 @@ class Work(contextlib.AbstractContextManager):
         return heard
 
     def _make(self, copies: tuple[warped.Copy, ...], known: dict[str, Borders]) -> Iterator[LeftOut]:
-        """Makes `meshes`, without those that the library cannot take. Raises Failure for one that is named, and if none
-        is left."""
-        failures = []
+        """Makes `meshes`, without those that the library cannot take. Raises Failure for one that is named, and for the
+        last one if there is no other."""
         for shape in self.shapes:
             try:
                 self.meshes[shape.name] = self._mesh(shape, copies, known.get(shape.name))
             except Failure as failure:
-                if failure.code != INPUT or self.settings.options.names(shape.path):
+                is_last = shape is self.shapes[-1] and not self.meshes
+                if failure.code != INPUT or is_last or self.settings.options.names(shape.path):
                     raise
-                failures.append(failure)
                 why = failure.message.removeprefix(f"{self.settings.scene} {shape.path}: ")
                 yield LeftOut(f"cannot be baked: {why}", shape.path)
-        if not self.meshes:
-            raise failures[0]
 
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...], known: Borders | None) -> MeshWork:
         self._subject, self._frame, self._shape = shape.path, "", shape

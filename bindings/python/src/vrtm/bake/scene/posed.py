@@ -225,23 +225,21 @@ class PosedSource(Generic[Mesh]):
         return ""
 
     def _take(self, groups: Sequence[tuple[Mesh, tuple[str, ...]]]) -> None:
-        """Reads meshes that stand for some paths each. One that is not named may be one that cannot be read. Raises
-        SceneError, if no mesh is left that of the first."""
-        options, found, errors = self.options, list[Shape](), list[SceneError]()
+        """Reads meshes that stand for some paths each. One that is not named may be one that cannot be read, unless it
+        is the last one and there is no other. Raises SceneError."""
+        options, found = self.options, list[Shape]()
         self._meshes: dict[str, Mesh] = {}
         for name, (mesh, paths) in zip(unique_names([paths[0] for _, paths in groups], self.warnings), groups):
             try:
                 found.append(mesh.shape(name, paths))
             except SceneError as error:
-                if not options.lenient or options.names(paths[0]):
+                is_last = mesh is groups[-1][0] and not found
+                if not options.lenient or is_last or options.names(paths[0]):
                     raise
-                errors.append(error)
                 why = str(error).removeprefix(f"{mesh.where}: ")
                 self.left_out.append(LeftOut(f"cannot be read: {why}", paths[0]))
             else:
                 self._meshes[name] = mesh
-        if not found:
-            raise errors[0]
         self.warnings += [f"{mesh.path}: {uneven}" for mesh in self._meshes.values() if (uneven := mesh.uneven_scale())]
         for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
             if name is not None and all(getattr(shape, f"vertex_{what}") is None for shape in found):

@@ -174,9 +174,7 @@ def whole_frames(first: float, last: float, where: str, warnings: list[str], lef
     ends = {end for end, nearest in ((first, frames[0]), (last, frames[-1])) if abs(end - nearest) > CLOSE}
     if ends:
         between = tuple(round(end, 6) for end in sorted(ends))
-        left_out.append(
-            LeftOut("an end of the range that is no whole frame; --frames can name it", "", between, meant=True)
-        )
+        left_out.append(LeftOut("an end of the range, no whole frame; --frames can name it", "", between, meant=True))
     return frames if len(frames) > MOST else tuple(frames)
 
 

@@ -36,9 +36,8 @@ class UsdSource(PosedSource[UsdMesh]):
             else:
                 self.left_out.append(LeftOut(why, path))
         self.clock = usd_stage.stage_clock(self.stage, path, options.fps)
-        self.rate = (
-            f"{self.clock.frames:.6g} per second (timeCodesPerSecond {self.clock.times:g})" if options.fps else ""
-        )
+        told = f"{self.clock.frames:.6g} per second (timeCodesPerSecond {self.clock.times:g})"
+        self.rate = told if options.fps else ""
         self.frames = usd_stage.stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
         self._take([(mesh, tuple(paths)) for paths, mesh in self._chosen()])

@@ -50,11 +50,10 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
                 other = near(name, sets.GetNames())
                 raise SceneError(f"{path} {prim_path}: no variant set '{name}' among {sets.GetNames()}{other}")
             chosen = sets.GetVariantSet(name)
-            if variant not in chosen.GetVariantNames():
-                names = chosen.GetVariantNames()
-                raise SceneError(
-                    f"{path} {prim_path}: no variant '{variant}' of '{name}' among {names}{near(variant, names)}"
-                )
+            names = chosen.GetVariantNames()
+            if variant not in names:
+                other = near(variant, names)
+                raise SceneError(f"{path} {prim_path}: no variant '{variant}' of '{name}' among {names}{other}")
             chosen.SetVariantSelection(variant)
     return stage
 
@@ -143,9 +142,7 @@ def stage_clock(stage: Usd.Stage, where: str, fps: float | str | None) -> Clock:
 def sample_times(stage: Usd.Stage) -> list[float]:
     """Times of all samples of meshes and animations."""
     found = (prim for prim in shown(stage) if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
-    return sorted(
-        {t for prim in found for attribute in prim.GetAuthoredAttributes() for t in attribute.GetTimeSamples()}
-    )
+    return sorted({t for prim in found for of in prim.GetAuthoredAttributes() for t in of.GetTimeSamples()})
 
 
 def stage_frames(
