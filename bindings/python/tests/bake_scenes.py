@@ -12,7 +12,7 @@ from unittest import mock
 
 import numpy as np
 import OpenImageIO as oiio
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 import scenes
 import vrtm
@@ -157,6 +157,14 @@ def sheet(folder: Path, frames: int = 5, cells: int = 8) -> Path:
         image(folder / f"rigid.{udim}.png", studs[..., None])
         image(folder / f"colour.{udim}.png", np.stack([255 * u, 255 * (1 - v), studs], -1).astype(np.uint8))
     return folder / "sheet.usda"
+
+
+def with_copies(scene: Path, *names: str) -> Usd.Stage:
+    """The stage of a scene, which is not saved, with copies of the sheet by these names."""
+    stage = Usd.Stage.Open(str(scene))
+    for name in names:
+        Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), f"/model/{name}")
+    return stage
 
 
 def with_material(folder: Path, make=scenes.materialx_material, frames: int = 3, cells: int = 4) -> Path:

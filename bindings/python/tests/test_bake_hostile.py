@@ -11,13 +11,14 @@ from pxr import Sdf, Usd
 
 import scenes
 from bake_scenes import image
-from vrtm.bake import frames, image_file, report, staging, warped
+from vrtm.bake import frames, image_file, not_baked, report, staging, warped
 from vrtm.bake.failure import Failure
 from vrtm.bake.layer.clips import export
 from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene, SceneError
 from vrtm.bake.scene.images import read_map, said
 from vrtm.bake.scene.obj import read_obj
+from vrtm.bake.settings import Settings
 
 
 def an_image(path: str) -> None:
@@ -131,6 +132,8 @@ def test_very_many_frames_are_not_listed(stage: Usd.Stage) -> None:
         assert frames.text(scene.frames) == "-1000000000-1000000000"
         with pytest.raises(ValueError, match=r"2000000001 frames, .* more than 100000: --frames"):
             frames.clamp(None, scene.frames)
+        (entry,) = not_baked.of_frames(Settings("a.usda", frames=(1, 2)), scene.frames, (1, 2), ())
+        assert entry.line() == "all but 2 of 2000000001 frames: not in --frames" and entry.meant
 
 
 def test_an_index_of_thousands_of_digits(tmp_path: Path) -> None:
@@ -159,13 +162,11 @@ def test_images_that_are_too_large_are_refused_by_their_header(
     monkeypatch.setenv("VRTM_MAX_IMAGE", "1e4")
     with pytest.raises(SceneError, match="VRTM_MAX_IMAGE: '1e4' is not a number"):
         read(large)
-
-
-def test_a_display_window_counts_too(tmp_path: Path) -> None:
-    size = {"full_width": 1 << 20, "full_height": 1 << 20}
-    path = image(tmp_path / "a.exr", np.zeros((4, 4, 1), np.float16), **size)
+    # The display window counts, too.
+    monkeypatch.delenv("VRTM_MAX_IMAGE")
+    wide = image(tmp_path / "a.exr", np.zeros((4, 4, 1), np.float16), full_width=1 << 20, full_height=1 << 20)
     with pytest.raises(SceneError, match=r"a\.exr: 1048576 x 1048576 texels"):
-        read_map(str(path))
+        read(str(wide))
 
 
 @pytest.mark.parametrize("read", [*READERS.values(), read_obj], ids=[*READERS, "obj"])
@@ -187,7 +188,7 @@ def test_a_library_may_fail_anywhere_in_a_damaged_file(stage: Usd.Stage, monkeyp
         monkeypatch.setattr(scene.source, "positions", fail)
         with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed somewhere$"):
             scene.positions(scene.shapes[0], 1)
-    monkeypatch.setattr("vrtm.bake.scene.usd.stage_frames", fail)
+    monkeypatch.setattr("vrtm.bake.scene.usd_stage.stage_frames", fail)
     with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed somewhere$"):
         Scene(scenes.saved(stage))
 

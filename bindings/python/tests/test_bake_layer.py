@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from bake_scenes import MESH, files, run, sheet, sheet_arguments, solved_alone, with_material, written
+from bake_scenes import MESH, files, run, sheet, sheet_arguments, solved_alone, with_copies, with_material, written
 from scenes import preview_material
 from shots import bound, check_layer, texture
 
@@ -152,10 +152,7 @@ def test_what_a_build_of_usd_cannot_open_is_said_once(tmp_path: Path) -> None:
     if Sdf.FileFormat.FindByExtension("mtlx"):
         pytest.skip("skipped: this build of USD opens .mtlx")
     scene = sheet(tmp_path / "shot", frames=1, cells=4)
-    stage = Usd.Stage.Open(str(scene))
-    layer = stage.GetRootLayer()
-    for name in ("second", "third"):
-        Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
+    stage = with_copies(scene, "second", "third")
     stage.GetPrimAtPath("/model").GetReferences().AddReference("./looks.mtlx", "/MaterialX/Materials")
     for name in ("sheet", "second", "third"):
         prim = stage.GetPrimAtPath(f"/model/{name}")

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdShade
+from pxr import Usd, UsdShade
 
 import scenes
-from bake_scenes import files, flat, image, run, sheet, sheet_arguments
+from bake_scenes import files, flat, image, run, sheet, sheet_arguments, with_copies
 from conftest import grid
 from scenes import bind, preview_material
 
@@ -120,8 +120,7 @@ def test_missing_rigidity_is_told_by_the_names_of_maps_and_primvars(tmp_path: Pa
     told = run(*arguments, scene.parent / "none.<mesh>.<UDIM>.png").stderr
     assert "/model/sheet, tiles 1001-1002: no map of --rigidity" in told
     # By values per vertex, which one of two meshes lacks.
-    stage = Usd.Stage.Open(str(scene))
-    Sdf.CopySpec(stage.GetRootLayer(), "/model/sheet", stage.GetRootLayer(), "/model/other")
+    stage = with_copies(scene, "other")
     scenes.primvar(stage.GetPrimAtPath("/model/other"), "rigid", scenes.TYPES.FloatArray, [1.0] * 50, "vertex")
     stage.Save()
     by_vertex = [*arguments[:-1], "--rigidity-primvar", "rigid"]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
 from shots import bound, checked, over, shot, source, texture, varname
@@ -39,6 +39,13 @@ def test_a_preview_surface_takes_warped_textures(stage: Usd.Stage, tmp_path: Pat
     for time, frame in ((0, 1), (1, 1), (1.5, 1), (2, 2), (3.9, 2), (4, 4), (9, 4)):
         assert file_of(final, time=time) == f"./warped.one.{frame}.<UDIM>.png", time
     assert varname(texture(bound(final, "/world/one"))) == "st" and file_of(final, "/world/two") == "colour.<UDIM>.png"
+
+
+def test_prototypes_below_an_over_stay_out_of_the_picture(stage: Usd.Stage) -> None:
+    UsdGeom.PointInstancer.Define(stage, "/many").CreatePrototypesRel().SetTargets(["/world"])
+    stage.GetPrimAtPath("/world").SetSpecifier(Sdf.SpecifierOver)
+    final, _ = over(stage, corners=False, warped_path=lambda shape, frame, name: "./warped.<UDIM>.png")
+    assert file_of(final) == "./warped.<UDIM>.png" and not final.GetPrimAtPath("/world/one").IsDefined()
 
 
 def test_what_cannot_be_redirected_is_said_and_left(stage: Usd.Stage) -> None:

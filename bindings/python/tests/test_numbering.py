@@ -5,9 +5,7 @@ from pathlib import Path
 import pytest
 
 from vrtm.bake import arguments, frames, parsing, tokens, warped
-from vrtm.bake.failure import Failure
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.names import Pattern
 from vrtm.bake.scene import SceneError
 from vrtm.bake.scene.images import find_maps
 from vrtm.bake.scene.poses import find_poses
@@ -176,9 +174,6 @@ def test_maps_by_tokens_of_a_tile(tmp_path: Path) -> None:
 def test_names_of_frames_have_four_digits() -> None:
     texts = [frames.padded(frame) for frame in (-2, -2.5, -0.5, -12345, 0, 7, 1003.5, 12345)]
     assert texts == ["-0002", "-0002.5", "-0000.5", "-12345", "0000", "0007", "1003.5", "12345"]
-    for text in ("a.$F4.exr", "a.%04d.exr", "a.####.exr", "a.%(UDIM)d.<frame>.exr"):
-        with pytest.raises(Failure, match="is none of <mesh>, "):
-            Pattern(text, {})
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from shots import write_corner_uvs
 from vrtm.bake import arguments, parsing
 from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.layer.write import write_layer
-from vrtm.bake.scene import Scene, SceneError, SceneOptions, timing
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 FILE = SceneOptions(fps="file")
 
@@ -71,6 +71,18 @@ def test_time_codes_that_are_no_frames_are_told(tmp_path: Path) -> None:
         (warning,) = Scene(tmp_path / f"{name}.usda").warnings
         assert expected in warning
     assert not Scene(tmp_path / "c.usda", SceneOptions(fps=25)).warnings
+
+
+@pytest.mark.parametrize("ends", [(1.0000000000000002, 5.999999999999999), (-1.9999999999999998, 3), (0.9999, 6.0001)])
+def test_ends_that_are_off_by_rounding_are_whole(tmp_path: Path, ends) -> None:
+    whole = tuple(range(round(ends[0]), round(ends[1]) + 1))
+    stage = animated(tmp_path / "a.usda", [ends[0], *whole[1:-1], ends[1]], ends=ends)
+    for name in ("", "startTimeCode", "endTimeCode"):
+        # Without a range the first and the last sample are the ends.
+        _ = name and stage.ClearMetadata(name)
+        stage.Save()
+        scene = Scene(tmp_path / "a.usda")
+        assert scene.frames == whole and not scene.warnings and not scene.left_out
 
 
 @pytest.mark.parametrize(
@@ -155,21 +167,6 @@ def test_files_are_bound_at_the_time_code_of_their_pose(tmp_path: Path) -> None:
         assert found.Get(frame / 24).path == f"./map.{frame}.exr"
         assert corners.Get(frame / 24)[0] == (frame, frame)
     assert found.GetTimeSamples() == [frame / 24 for frame in range(25)]
-
-
-def test_rates_of_samples() -> None:
-    def rate(times, fps: float) -> float | None:
-        return timing.rate([time / fps for time in times])
-
-    whole = range(1001, 1010)
-    for fps in (23.976, 24, 25, 29.97, 30, 48, 50, 59.94, 60):
-        assert rate(whole, fps) == pytest.approx(fps, rel=1e-5), fps
-        assert rate(around(whole, (-0.25, 0, 0.25)), fps) == pytest.approx(fps, rel=1e-4), fps
-    # Four samples in each frame, and one of two frames.
-    assert rate(around(whole, (0, 0.25, 0.5, 0.75)), 24) == 24 and rate(range(1001, 1021, 2), 24) == 24
-    assert rate(around(whole, (0, 0.25, 0.5, 0.75)), 25) == 25
-    assert rate((1, 5, 7, 20, 21), 24) is None and rate((1,), 24) is None
-    assert timing.Clock(1, 24).time(12) == 0.5 and timing.Clock(1, 24).frame(0.5) == 12
 
 
 def test_rates_that_cannot_be(tmp_path: Path) -> None:

@@ -71,12 +71,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATTERN",
     )
     add("--mask", "Images that are dark where nothing may move.", "PATTERN")
-    add(
-        "--texture",
-        "Also write warped copies of these textures, for renderers that cannot look a map up.",
-        "PATTERN...",
-        dest="textures",
-    )
+    text = "Also write warped copies of these textures, for renderers that cannot look a map up."
+    add("--texture", text, "PATTERN...", dest="textures")
     add("--layer", "Write a USD layer that redirects the shot's textures, to be sublayered over it.", "FILE")
     add(
         "--poses",
@@ -85,12 +81,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "FILE...",
     )
     add("--meshes", "Bake these meshes, by name or path, with * as a wildcard. All that deform by default.", "NAME...")
-    add(
-        "--frames",
-        "Bake these frames, such as 1-10x2,15, -3--1, or 1-3x0.5 with parts of frames. All whole ones by default.",
-        "LIST",
-        type=listed(frames.parse),
-    )
+    text = "Bake these frames, such as 1-10x2,15, -3--1, or 1-3x0.5 with parts of frames. All whole ones by default."
+    add("--frames", text, "LIST", type=listed(frames.parse))
     add("--out", "Write to this folder.", "DIR", default="out")
     add("--sheet", "Also draw a picture per mesh to judge by: the worst frame without and with the maps.")
     add("--dry-run", "List the meshes, tiles, maps, files and memory of the bake, and write nothing.")
@@ -99,45 +91,23 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     usual.add_argument("--help-all", help="Show all options and exit.", const=True, **shared)
 
     add = group("scene")
-    add(
-        "--uv",
-        "The UV set to bake. Of several names each mesh takes the first that it has. By default st, or the only set.",
-        "NAME...",
-    )
-    add(
-        "--texture-uv",
-        "USD: the UV set that textures are looked up by, if --uv names another one, without overlaps.",
-        "NAME",
-    )
+    add("--exclude", "Leave these meshes out, by name or path, with * as a wildcard.", "NAME...")
+    text = "The UV set to bake. Of several names each mesh takes the first that it has. By default st, or the only set."
+    add("--uv", text, "NAME...")
+    text = "USD: the UV set that textures are looked up by, if --uv names another one, without overlaps."
+    add("--texture-uv", text, "NAME")
     add("--subsets", "USD: bake each material of a mesh separately; faces without one are the part 'rest'.")
-    add(
-        "--rest",
-        "The shape at rest: bind, pref, first, frame:N, or a file with the same faces. By default the scene's own.",
-        "WHERE",
-    )
-    add(
-        "--subdivide",
-        "Refine subdivision surfaces by so many levels. By default the cage is baked.",
-        "N",
-        type=whole(0, 8),
-        default=0,
-    )
-    add(
-        "--variant",
-        "USD: select a variant. The option may be repeated.",
-        nargs=3,
-        action="append",
-        dest="variants",
-        default=[],
-        metavar=("PRIM", "SET", "SELECTION"),
-    )
-    add(
-        "--fps",
+    text = "The shape at rest: bind, pref, first, frame:N, or a file with the same faces. By default the scene's own."
+    add("--rest", text, "WHERE")
+    text = "Refine subdivision surfaces by so many levels. By default the cage is baked."
+    add("--subdivide", text, "N", type=whole(0, 8), default=0)
+    text = "USD: select a variant. The option may be repeated."
+    add("--variant", text, nargs=3, action="append", dest="variants", default=[], metavar=("PRIM", "SET", "SELECTION"))
+    text = (
         "Count frames by this rate: frame N is at N / X seconds. With the word file the scene states the rate. By "
-        "default whole time codes of USD are frames, and Alembic states the rate.",
-        "X",
-        type=either(FILE, positive),
+        "default whole time codes of USD are frames, and Alembic states the rate."
     )
+    add("--fps", text, "X", type=either(FILE, positive))
     add("--world", "Apply the transforms above a mesh, so that an animated scale counts as a stretch.")
     add("--allow-units", "Take a mesh whose size differs from the rest for a deformation, and do not scale the rest.")
 
@@ -156,20 +126,16 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--overwrite", "Also replace files that vrtm has not written, but never one that the bake reads.")
 
     add = group("content")
-    add(
-        "--size",
+    text = (
         "Cells of the solver's grid per side. With auto, the default, 20 lie across the narrowest rigid feature of "
-        "each tile: 64 to 4096, and no more than the rigidity map has texels or 256.",
-        "N",
-        type=lambda text: None if text == AUTO else whole(1, LARGEST)(text),
+        "each tile: 64 to 4096, and no more than the rigidity map has texels or 256."
     )
-    add(
-        "--map-size",
+    add("--size", text, "N", type=lambda text: None if text == AUTO else whole(1, LARGEST)(text))
+    text = (
         "Texels of the maps per side. By default as --size, or as the rigidity map; 1024 with a primvar. With auto, "
-        "each map gets the fewest that keep --max-error (1).",
-        "N",
-        type=either(AUTO, whole(1, LARGEST)),
+        "each map gets the fewest that keep --max-error (1)."
     )
+    add("--map-size", text, "N", type=either(AUTO, whole(1, LARGEST)))
     add(
         "--form",
         "The UVs in a map: within the tile, among all UDIM tiles, or the difference to add to the mesh's own. By "
@@ -184,35 +150,24 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     normal_maps(add)
 
     add = group("borders")
-    add(
-        "--seams",
+    text = (
         "At seams nothing moves (shut); features that touch one stay as they are (keep); or features keep their shape "
         "across them (continue), for which textures in a renderer have to be dilated. With auto, the bake chooses: "
-        "continue if all textures of a mesh are copies or dilated, else the better of shut and keep.",
-        choices=(AUTO, "shut", "keep", "continue"),
-        default=AUTO,
+        "continue if all textures of a mesh are copies or dilated, else the better of shut and keep."
     )
-    add(
-        "--seam-reach",
-        "With --seams continue, the radius of the largest feature on a seam, in UV, at most 0.5.",
-        "UV",
-        type=positive,
-        default=Settings.seam_reach,
-    )
-    add(
-        "--open-borders",
+    add("--seams", text, choices=(AUTO, "shut", "keep", "continue"), default=AUTO)
+    text = "With --seams continue, the radius of the largest feature on a seam, in UV, at most 0.5."
+    add("--seam-reach", text, "UV", type=positive, default=Settings.seam_reach)
+    text = (
         "Where the surface ends nothing moves (fixed), or textures slide along the border (slide). With auto, they "
-        "slide if all textures of a mesh are copies or dilated, and no other mesh goes on there.",
-        choices=(AUTO, "fixed", "slide"),
-        default=AUTO,
+        "slide if all textures of a mesh are copies or dilated, and no other mesh goes on there."
     )
-    add(
-        "--overlap",
+    add("--open-borders", text, choices=(AUTO, "fixed", "slide"), default=AUTO)
+    text = (
         "Charts that lie over one another, as mirrored halves do, each get maps of their own, in layers (each); do not "
-        "move there (fixed); or all follow the chart of the first face (first).",
-        choices=(EACH, "fixed", "first"),
-        default=OVERLAP,
+        "move there (fixed); or all follow the chart of the first face (first)."
     )
+    add("--overlap", text, choices=(EACH, "fixed", "first"), default=OVERLAP)
     text = f"With --overlap each, the most layers of a tile ({Settings.max_layers} by default)."
     add("--max-layers", text, "N", type=whole(2, LARGEST))
 
@@ -227,12 +182,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "Also write as few maps as possible whose weighted sum is within --max-error texels (1) of each frame's map, "
         "and the weights of the frames.",
     )
-    add(
-        "--basis-format",
-        "Numbers of these maps: 16-bit floats (EXR), or integers (PNG) with a range per map in the file of weights.",
-        choices=tuple(FORMATS),
-        default=HALF,
-    )
+    text = "Numbers of these maps: 16-bit floats (EXR), or integers (PNG) with a range per map in the file of weights."
+    add("--basis-format", text, choices=tuple(FORMATS), default=HALF)
     add("--gltf", "Also write the mesh as glTF with UV morph targets, for engines and materials without a map.")
     text = "Also write the mesh as USD with blend shapes, and one with its UVs as points, for scripts that blend UVs."
     add("--blend-shapes", text)
@@ -253,80 +204,50 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATH...",
     )
     add("--carry", "The USD or Alembic file of these prims, in the world of the scene. The scene by default.", "FILE")
-    add(
-        "--carry-farthest",
+    text = (
         "Leave geometry in place that is farther from the mesh than this, in its units. By default 5 %% of the "
-        "diagonal of the mesh's bounding box.",
-        "X",
-        type=positive,
+        "diagonal of the mesh's bounding box."
     )
-    add(
-        "--carry-fit",
+    add("--carry-farthest", text, "X", type=positive)
+    text = (
         "Geometry follows each rigid feature as one body (feature), the redirected surface (surface), or the skin as "
-        "if nothing were redirected (none).",
-        choices=("feature", "surface", "none"),
-        default="feature",
+        "if nothing were redirected (none)."
     )
-    add(
-        "--carry-pieces",
-        "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none).",
-        choices=("none", CONNECTED),
-        default="none",
-    )
+    add("--carry-fit", text, choices=("feature", "surface", "none"), default="feature")
+    text = "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none)."
+    add("--carry-pieces", text, choices=("none", CONNECTED), default="none")
 
     add = group("USD layer")
-    add(
-        "--layer-mode",
+    text = (
         "The layer redirects texture lookups of the materials (texture), or authors the primvar st_redirected for them "
-        "(primvar).",
-        choices=("texture", "primvar"),
-        default="texture",
+        "(primvar)."
     )
+    add("--layer-mode", text, choices=("texture", "primvar"), default="texture")
     add("--only-layer", "Write nothing but the layer.")
-    add(
-        "--root", "Also write a layer to open directly: the shot's settings, with the layer and the shot below.", "FILE"
-    )
+    add("--root", "Also write a layer to open directly: the shot's settings, the layer and the shot below.", "FILE")
     add("--freeze", "Name the files of this frame at all times, for programs such as Blender.", "FRAME", type=_frame)
 
     add = group("work")
-    add(
-        "--quality",
-        "The quality of the solve; draft is several times as fast.",
-        choices=("draft", "normal"),
-        default="normal",
-    )
+    text = "The quality of the solve; draft is several times as fast."
+    add("--quality", text, choices=("draft", "normal"), default="normal")
     add("--warm", "Start each frame from the one before it in --frames.")
-    add(
-        "--temporal-weight",
-        "With --warm, hold each frame to the one before it, against jitter. Useful are 0.03 to 0.3.",
-        "X",
-        type=positive,
-    )
-    add(
-        "--weld",
-        "Faces are connected by their vertices, by equal positions, or not at all.",
-        choices=WELDS,
-        default="index",
-    )
+    text = "With --warm, hold each frame to the one before it, against jitter. Useful are 0.03 to 0.3."
+    add("--temporal-weight", text, "X", type=positive)
+    text = "Faces are connected by their vertices, by equal positions, or not at all."
+    add("--weld", text, choices=WELDS, default="index")
     add("--device", "Compute on the CPU or on a GPU.", choices=("auto", "cpu", "gpu"), default="auto")
     add("--adapter", "The number of the GPU, as vrtm devices lists it.", "N", type=whole(0, 255))
     add("--jobs", "Frames at a time. By default as the cores and the memory allow.", "N", type=whole(0, 1024))
     add("--threads", "Threads of each job. By default the cores are shared out.", "N", type=whole(0, 1024))
     add("--measure", "Measure strain and the errors of the maps for the report, which takes longer.")
     add("--max-strain", "End with exit code 3 if the RMS strain of a tile is larger.", "X", type=positive)
-    add(
-        "--max-error",
+    text = (
         "End with exit code 3 if 1 %% of a map is off by more texels of the texture. With --basis also the most that a "
-        "sum may be off.",
-        "TEXELS",
-        type=positive,
+        "sum may be off."
     )
-    add(
-        "--max-worse",
-        "End with exit code 3 if more painted features of a tile are worse than without vrtm.",
-        "N",
-        type=whole(0, 1 << 31),
-    )
+    add("--max-error", text, "TEXELS", type=positive)
+    text = "End with exit code 3 if more painted features of a tile are worse than without vrtm."
+    add("--max-worse", text, "N", type=whole(0, 1 << 31))
     add("--strict", "End with exit code 2 if anything is not baked unintentionally.")
     text = "Do not read back what was written, to compare it with what was meant."
     add("--no-check", text, dest="check", action="store_false")
@@ -373,7 +294,7 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
         # The defaults are those of the settings.
         return {name: value for name, value in given.items() if value is not None}
 
-    further = {"uv": tuple(a.uv) or None, "variants": tuple(map(tuple, a.variants)), "skip_still": True}
+    further = {"variants": tuple(map(tuple, a.variants)), "lenient": True}
     own = {
         "options": SceneOptions(**same(SceneOptions) | further),
         "measure": a.measure or any(most is not None for most in (a.max_strain, a.max_error, a.max_worse)),

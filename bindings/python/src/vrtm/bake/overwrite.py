@@ -24,6 +24,10 @@ _LEAST_EXR = 256
 """Bytes of the shortest EXR, with the attributes that it must have."""
 
 
+_LONGEST = 255 - len("..0123456789abcdef.part")
+"""Bytes of a name that has a temporary name beside it, too."""
+
+
 class Conflict(ValueError):
     """A file cannot be written without a loss. The message is a sentence that names it."""
 
@@ -51,6 +55,8 @@ def check(outputs: Iterable[tuple[str, str]], inputs: Iterable[tuple[str, str]],
         folder, name = os.path.split(path)
         if not name:
             raise Conflict(f"{what}: '{path}' names no file")
+        if len(os.fsencode(name)) > _LONGEST:
+            raise Conflict(f"{what}: {path}: its name has {len(os.fsencode(name))} bytes, more than {_LONGEST}")
         while folder and not os.path.lexists(folder):
             folder = os.path.dirname(folder)
         if folder and not os.path.isdir(folder):

@@ -161,6 +161,10 @@ def hints(work: Work) -> list[str]:
             hints.append(
                 f"{first}, {second}{others(len(more))} share {path}: with {placeholder} in --{option} each has its own"
             )
+    for scheme, (first, *more) in _grouped((shape.scheme, shape.path) for shape in work.shapes if shape.scheme).items():
+        then = "--subdivide 2 refines it" if scheme == "catmullClark" else "its scheme cannot be refined"
+        where = f"{first}{others(len(more))}"
+        hints.append(f"{where}: renderers smooth this subdivision surface ({scheme}), and its cage is baked: {then}")
     for mesh in work.meshes.values() if not work.settings.layer else ():
         most = max((tile.tile.layers for tile in mesh.tiles), default=1)
         if most > 1:

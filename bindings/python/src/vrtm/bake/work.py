@@ -67,8 +67,10 @@ class Work(contextlib.AbstractContextManager):
         self._check_shapes(still)
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         known = {} if choices is None else choices.borders
-        self.meshes = {shape.name: self._mesh(shape, copies, known.get(shape.name)) for shape in self.shapes}
-        self.left_out = self._known_left_out(still)
+        self.meshes: dict[str, MeshWork] = {}
+        unusable = list(self._make(copies, known))
+        self.shapes = [shape for shape in self.shapes if shape.name in self.meshes]
+        self.left_out = [*self._known_left_out(still), *unusable]
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self.idle: dict[str, dict[gain.Group, str]] = {}
@@ -106,9 +108,9 @@ class Work(contextlib.AbstractContextManager):
         scene = self.settings.scene
         if not self.shapes:
             named = f"{still[0]}{others(len(still) - 1)}"
-            moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
+            told = [warning for warning in self.scene.warnings if warning.startswith(tuple(f"{p}: " for p in still))]
             message = f"{scene}: nothing deforms: {named} can be baked if --meshes names it"
-            raise Failure(INPUT, f"{message}; {moved}" if moved else message)
+            raise Failure(INPUT, "; ".join([message, *told]))
         if self.settings.subsets and not any(shape.subsets for shape in self.shapes):
             raise Failure(INPUT, f"--subsets: no mesh of {scene} has subsets that materials can be bound to")
 
@@ -164,6 +166,19 @@ class Work(contextlib.AbstractContextManager):
         """Warnings of the library since the last call, as sentences that name the mesh."""
         heard, self._heard = self._heard, []
         return heard
+
+    def _make(self, copies: tuple[warped.Copy, ...], known: dict[str, Borders]) -> Iterator[LeftOut]:
+        """Makes `meshes`, without those that the library cannot take. Raises Failure for one that is named, and for the
+        last one if there is no other."""
+        for shape in self.shapes:
+            try:
+                self.meshes[shape.name] = self._mesh(shape, copies, known.get(shape.name))
+            except Failure as failure:
+                is_last = shape is self.shapes[-1] and not self.meshes
+                if failure.code != INPUT or is_last or self.settings.options.names(shape.path):
+                    raise
+                why = failure.message.removeprefix(f"{self.settings.scene} {shape.path}: ")
+                yield LeftOut(f"cannot be baked: {why}", shape.path)
 
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...], known: Borders | None) -> MeshWork:
         self._subject, self._frame, self._shape = shape.path, "", shape

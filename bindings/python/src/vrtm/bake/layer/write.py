@@ -67,9 +67,14 @@ def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer,
     whether it changes the shot. `out_path`: where it would be written."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
     author = _Author(compose(layer, scene.path, scene.options, muted=out_path), plan)
+    prims = Usd.PrimRange.Stage(author.stage, Usd.PrimAllPrimsPredicate)
+    overs = [prim.GetPath() for prim in prims if prim.GetSpecifier() == Sdf.SpecifierOver]
     with Usd.EditContext(author.stage, layer):
         shapes = [(path, shape) for shape in map(scene.shape, plan.shapes) for path in shape.instances]
         changed = [author.redirect(path, shape) for path, shape in shapes]
+    for spec in filter(None, map(layer.GetPrimAtPath, overs)):
+        # A new prim makes a `def` of each one above it, which would show prototypes themselves.
+        spec.specifier = Sdf.SpecifierOver
     for why, (first, *more) in author.without.items():
         author.warnings.append(f"{first[0]}{others(len(more))}: {why.format(first[1])}")
     return layer, author.warnings, plan.corner_path is not None or any(changed)

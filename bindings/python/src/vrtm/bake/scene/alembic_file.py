@@ -30,6 +30,8 @@ SCOPES = {
     "kUniformScope": "uniform",
     "kConstantScope": "constant",
 }
+UV_KINDS, UV_TRIPLES = ("V2f", "V2d", "P2f", "P2d"), ("V3f", "V3d", "P3f", "P3d")
+"""Types of parameters that UV sets may have."""
 # Seconds within which a sample counts as the one of a frame.
 CLOSE = 1e-5
 HIDDEN = 0
@@ -221,8 +223,9 @@ class AlembicMesh:
         own = self.schema.getUVsParam()
         if own.valid() and name in (None, own.getName()):
             return (*_param(own), own.getName())
-        found = name is not None and self.param(name, ("V2f", "V2d", "P2f"))
-        return (*found, name) if found else None
+        # Houdini has UVs of three numbers, the first two of which are u and v, among the parameters.
+        sets = ((other, self.param(other, UV_KINDS + UV_TRIPLES)) for other in ([name] if name else ["uv", "st"]))
+        return next(((*found, other) for other, found in sets if found), None)
 
 
 def _at(seconds: float) -> Any:

@@ -39,9 +39,7 @@ def find_maps(
     named = pattern.replace("<mesh>", mesh).replace("<subset>", subset)
     if not tokens.has_tile(named):
         if len(udims) != 1:
-            raise SceneError(
-                f"{pattern}: the shape {mesh} has {len(udims)} tiles ({_listed(udims)}): write <UDIM> for the number"
-            )
+            raise SceneError(f"{pattern}: the shape {mesh} has {len(udims)} tiles ({_listed(udims)}): write <UDIM>")
         paths = {udims[0]: named}
     else:
         paths = {udim: tokens.tiled(named, udim) for udim in udims}

@@ -20,7 +20,7 @@ from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.poses import find_poses
 from vrtm.bake.scene.timing import Clock
-from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
+from vrtm.bake.scene.topology import bare_faces, check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
 _LAST = np.iinfo(np.int32).max
@@ -43,22 +43,20 @@ class ObjSource:
         self._last: dict[str, np.ndarray] = {}
         if len(self._mesh.counts) == 0:
             raise SceneError(f"{path}: no faces")
-        for name in options.meshes:
-            self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --meshes says ({name})")
+        for name in (*options.meshes, *options.exclude):
+            self.warnings.append(f"{path}: an OBJ file is one mesh, whatever --meshes or --exclude says ({name})")
         if options.world:
             raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
         if options.fps is not None:
             raise SceneError(f"{path}: poses from OBJ files have numbers and no times, which --fps asks for")
-        if options.uv_names:
-            raise SceneError(
-                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv_names[0]}' cannot be chosen"
-            )
+        if options.uv:
+            raise SceneError(f"{path}: an OBJ file has one UV set, which has no name: there is no '{options.uv[0]}'")
         if (self._mesh.uv_indices < 0).all():
             raise SceneError(f"{path}: no faces with UVs (vt)")
+        bare = bare_faces(self._mesh.counts, self._mesh.uv_indices)
+        self.warnings += [f"{path}: {bare}"] if bare else []
         if options.subdivide:
-            raise SceneError(
-                f"{path}: an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"
-            )
+            raise SceneError(f"{path}: an OBJ file states no subdivision surface, which --subdivide refines")
         if not options.poses:
             self.warnings.append(f"{path}: without --poses, its own shape is the only pose")
         self._poses = find_poses(options.poses, self.warnings, self.left_out) if options.poses else {1: path}
