@@ -52,7 +52,9 @@ class Redirector:
         # Before prims are added.
         shaders = [UsdShade.Shader(prim) for prim in Usd.PrimRange(self._material.GetPrim())]
         named = [(shader, shader.GetIdAttr().Get() or "") for shader in shaders if shader]
-        self._choose_copies([shader for shader, name in named if name == "UsdUVTexture"])
+        if self._plan.corner_path is None and self._plan.warped_path is not None:
+            found = ((shader, self._copy(shader)) for shader, name in named if name == "UsdUVTexture")
+            self._copies = {str(shader.GetPath()): copy for shader, copy in found if copy is not None}
         for shader, name in named:
             prim = shader.GetPrim()
             if name == "UsdUVTexture":
@@ -112,14 +114,6 @@ class Redirector:
         by = " and ".join(repr(name) for name in sorted(names)) or "nothing"
         self._warn(texture, f"is looked up by {by}, not by the UVs '{self._uv_name}': it stays as it is")
         return False
-
-    def _choose_copies(self, textures: list[UsdShade.Shader]) -> None:
-        if self._plan.corner_path is not None or self._plan.warped_path is None:
-            return
-        for texture in textures:
-            copy = self._copy(texture)
-            if copy is not None:
-                self._copies[str(texture.GetPath())] = copy
 
     def _copy(self, texture: UsdShade.Shader) -> tuple[Usd.Attribute, list[tuple[str, float | None]]] | None:
         """The attribute that names a texture's file, and the copies that it can take; None if there are none."""

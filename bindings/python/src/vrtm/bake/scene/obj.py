@@ -43,20 +43,16 @@ class ObjSource:
             raise SceneError(f"{path}: no faces")
         for name in options.meshes:
             self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --meshes says ({name})")
-        if options.world:
-            raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
-        if options.fps is not None:
-            raise SceneError(f"{path}: poses from OBJ files have numbers and no times, which --fps asks for")
-        if options.uv_names:
-            raise SceneError(
-                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv_names[0]}' cannot be chosen"
-            )
-        if (self._mesh.uv_indices < 0).all():
-            raise SceneError(f"{path}: no faces with UVs (vt)")
-        if options.subdivide:
-            raise SceneError(
-                f"{path}: an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"
-            )
+        uv = next(iter(options.uv_names), "")
+        for is_wrong, why in (
+            (options.world, "an OBJ file has no transforms above its mesh, which --world asks for"),
+            (options.fps is not None, "poses from OBJ files have numbers and no times, which --fps asks for"),
+            (uv, f"an OBJ file has one UV set without a name, so that '{uv}' cannot be chosen"),
+            ((self._mesh.uv_indices < 0).all(), "no faces with UVs (vt)"),
+            (options.subdivide, "an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"),
+        ):
+            if is_wrong:
+                raise SceneError(f"{path}: {why}")
         if not options.poses:
             self.warnings.append(f"{path}: without --poses, its own shape is the only pose")
         self._poses = find_poses(options.poses, self.warnings, self.left_out) if options.poses else {1: path}
@@ -64,9 +60,7 @@ class ObjSource:
         self.files = (path, *self._poses.values())
         self._path = path
         name = unique_names([Path(path).stem])[0]
-        rest, rest_from = self._mesh.positions, path
-        if options.rest is not None:
-            rest_from = options.rest
+        rest, rest_from = self._mesh.positions, options.rest or path
         if options.rest == "first":
             rest, rest_from = self._read(self.frames[0]), f"first frame {self.frames[0]}"
         elif options.rest is not None and options.rest.startswith("frame:"):
