@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import vrtm
+from conftest import refused
 from vrtm.bake import frames, staging
 from vrtm.bake.failure import BUG, DEVICE, INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
@@ -41,8 +42,7 @@ def test_lists_of_frames(text: str, numbers: tuple[int, ...]) -> None:
 
 @pytest.mark.parametrize("text", ["", "a", "1-", "3-1", "1-5x0", "1,,2", "1.", ".5", "1-2-3", "1-99999999999"])
 def test_wrong_lists_of_frames(text: str) -> None:
-    with pytest.raises(ValueError):
-        frames.parse(text)
+    refused(ValueError, "", frames.parse, text)
 
 
 def test_frames_are_clamped_to_the_scene() -> None:
@@ -58,8 +58,7 @@ def test_frames_are_clamped_to_the_scene() -> None:
 
 def test_tiles_are_whole_numbers() -> None:
     assert frames.parse_whole("1001-1003x2") == (1001, 1003)
-    with pytest.raises(ValueError, match=r"1001\.5 is not a whole number"):
-        frames.parse_whole("1001.5")
+    refused(ValueError, r"1001\.5 is not a whole number", frames.parse_whole, "1001.5")
 
 
 WRONG = r"/a.exr ../a.exr a/../b.exr a.png .exr a/ <other>.exr <fra a\b.exr a//b.exr <kind>.exr"

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 import vrtm
-from conftest import studded, studs
+from conftest import refused, studded, studs
 from vrtm import _abi
 from vrtm._errors import _CLASSES
-
-
-def refused(kind, words, function, *arguments, **more):
-    with pytest.raises(kind, match=words or None):
-        function(*arguments, **more)
 
 
 def test_every_status_has_a_class():

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from conftest import refused
 from vrtm.bake import arguments, frames, parsing, tokens, warped
 from vrtm.bake.failure import Failure
 from vrtm.bake.left_out import LeftOut
@@ -106,8 +107,7 @@ def test_tokens_of_a_frame(tmp_path: Path, names: str, pattern: str, expected: l
     ],
 )
 def test_two_readings_are_refused(tmp_path: Path, names: str, patterns: str, message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        found(tmp_path, names, *patterns.split())
+    refused(SceneError, message, found, tmp_path, names, *patterns.split())
 
 
 @pytest.mark.parametrize(
@@ -167,8 +167,7 @@ def test_maps_by_tokens_of_a_tile(tmp_path: Path) -> None:
         "a.1001.png": "has 2 tiles",
         "a_<TILE>.png": "has 2 tiles",
     }.items():
-        with pytest.raises(SceneError, match=message):
-            find_maps(str(tmp_path / pattern), "mesh", (1001, 1011))
+        refused(SceneError, message, find_maps, str(tmp_path / pattern), "mesh", (1001, 1011))
     with pytest.raises(SceneError, match=r"no such file .*; the tokens of a tile are <UDIM>, <UVTILE>"):
         find_maps(str(tmp_path / "a_<TILE>.png"), "mesh")
 
@@ -177,8 +176,7 @@ def test_names_of_frames_have_four_digits() -> None:
     texts = [frames.padded(frame) for frame in (-2, -2.5, -0.5, -12345, 0, 7, 1003.5, 12345)]
     assert texts == ["-0002", "-0002.5", "-0000.5", "-12345", "0000", "0007", "1003.5", "12345"]
     for text in ("a.$F4.exr", "a.%04d.exr", "a.####.exr", "a.%(UDIM)d.<frame>.exr"):
-        with pytest.raises(Failure, match="is none of <mesh>, "):
-            Pattern(text, {})
+        refused(Failure, "is none of <mesh>, ", Pattern, text, {})
 
 
 @pytest.mark.parametrize(
