@@ -29,11 +29,14 @@ def slow(device):
 
 
 def test_result(asset, model):
+    called = []
     job = asset.submit(model.pose)
-    assert isinstance(job, concurrent.futures.Future)
-    report = job.result(60)
-    assert report == asset.report() and job.progress == 1.0 and job.done() and not job.running()
+    job.add_done_callback(called.append)
+    assert concurrent.futures.wait([job], timeout=60).done == {job}
+    assert job.result(60) == asset.report() and job.progress == 1.0 and job.done() and not job.running()
     assert job.exception() is None and not job.cancelled() and not job.cancel()
+    job.close()
+    assert called == [job]
     result = asset.tile(1001).fetch()
     asset.solve(model.rest)
     asset.solve(model.pose)
@@ -57,16 +60,6 @@ def test_busy_and_cancel(slow):
     # It is free again.
     slow.tile(1001).set_settings(grid_width=64, grid_height=64)
     slow.solve(slow.pose)
-
-
-def test_callbacks_and_wait(asset, model):
-    called = []
-    job = asset.submit(model.pose)
-    job.add_done_callback(called.append)
-    done, _ = concurrent.futures.wait([job], timeout=60)
-    assert done == {job}
-    job.close()
-    assert called == [job]
 
 
 def test_await(device, model):

@@ -45,12 +45,6 @@ def energy(asset, model, **options):
     return report.energy / report.energy_before
 
 
-def test_order_and_threads_do_not_matter(asset, model):
-    first = asset.redirect(model.pose, asset.tiles, threads=1)[0]
-    asset.solve(model.rest)
-    assert np.array_equal(asset.redirect(model.pose, asset.tiles, threads=3)[0], first)
-
-
 def test_redirect_is_solve_and_fetch(asset, model):
     tile = asset.tile(1001)
     out = np.empty((64, 64, 4), np.float16)
