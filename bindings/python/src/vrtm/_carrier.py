@@ -1,7 +1,5 @@
 """Carriers: points that are bound to the rest surface, and ride on the warped one."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Devices: the GPU or CPU that solves assets."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 from collections.abc import Callable

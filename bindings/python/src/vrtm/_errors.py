@@ -1,7 +1,5 @@
 """Exceptions: one for each status of the library."""
 
-from __future__ import annotations
-
 import builtins
 import concurrent.futures
 

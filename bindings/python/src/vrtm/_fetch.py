@@ -1,7 +1,5 @@
 """The outputs to request from Asset.redirect."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any
 

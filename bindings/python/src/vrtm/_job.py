@@ -1,7 +1,5 @@
 """Jobs: solves that run beside the caller's own work."""
 
-from __future__ import annotations
-
 import asyncio
 import atexit
 import concurrent.futures

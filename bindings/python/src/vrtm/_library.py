@@ -1,7 +1,5 @@
 """The shared library: finding it, loading it, calling it."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import platform

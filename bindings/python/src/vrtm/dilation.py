@@ -1,8 +1,6 @@
 """Dilation of textures that are looked up, or filtered, over seams: around each chart, copies of the texels that lie
 beyond its seams on the surface. `Tile.dilation` names these texels."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 """Images that record what they were made of: EXR, PNG and TIFF through OpenImageIO, the same bytes for the same
 content."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -6,8 +6,6 @@ with their combination bilinear. Otherwise a term is the distance to a pose in t
 function; in one control it is linear between the poses), and a linear function is added. Distances between different
 poses are a regular matrix (Micchelli 1986)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -5,8 +5,6 @@ warped copies, or the UVs by the primvar. MaterialX looks a map up in an image n
 coordinate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

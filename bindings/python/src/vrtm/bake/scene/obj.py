@@ -6,8 +6,6 @@ either merge vertices and UVs or turn a number that cannot be read into 0, and n
 a white one.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator

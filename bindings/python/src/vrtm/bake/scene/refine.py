@@ -6,8 +6,6 @@ frames share the weights. Points lie where the refinement puts them, near the li
 interpolateBoundary `none` are refined as those of `edgeOnly`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
