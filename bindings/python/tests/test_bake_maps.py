@@ -9,7 +9,7 @@ from pxr import UsdGeom
 
 import scenes
 from bake_scenes import flat, image, opened
-from conftest import centres
+from conftest import centres, refused
 from vrtm.bake import remarks
 from vrtm.bake.failure import Failure
 from vrtm.bake.scene import SceneError, SceneOptions
@@ -207,12 +207,10 @@ def test_patterns(tmp_path: Path) -> None:
         (f"{at}body.<UDIM>.png", (1002,), r"no such file for the tiles 1002 of body; there is .*body\.1001\.png"),
         (f"{at}none.png", (1001,), r"none\.png: no such file"),
     ):
-        with pytest.raises(SceneError, match=message):
-            find_maps(pattern, "body", udims)
+        refused(SceneError, message, find_maps, pattern, "body", udims)
 
 
 def test_files_that_are_no_images(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_text("no image")
     for name in ("a.png", "none.png"):
-        with pytest.raises(SceneError, match=rf"{name}: .*"):
-            read_map(str(tmp_path / name))
+        refused(SceneError, rf"{name}: .*", read_map, str(tmp_path / name))

@@ -1,8 +1,6 @@
 """Files that a bake must not replace: those that it reads, and those that vrtm has not written."""
 
-import contextlib
 import functools
-import io
 import json
 import os
 import shutil
@@ -15,7 +13,6 @@ from pxr import Sdf, Usd
 import scenes
 from bake_scenes import files, image, run, sheet_arguments, with_material
 from scenes import preview_material
-from vrtm import cli
 from vrtm.bake import overwrite
 from vrtm.bake.mark import mark
 
@@ -36,13 +33,11 @@ def shot(tmp_path: Path) -> Path:
 def refused(arguments: list[object], *words: object) -> None:
     """Checks that a bake ends with exit code 2 before it has changed anything, and with one line that has the words."""
     folder = Path(str(arguments[1])).parent
-    before, said, printed = files(folder), io.StringIO(), io.StringIO()
-    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(printed):
-        code = cli.main([str(argument) for argument in arguments])
-    line = said.getvalue()
-    assert (code, len(line.splitlines()), printed.getvalue()) == (2, 1, ""), line
+    before = files(folder)
+    ended = run(*arguments, expect=2)
+    assert len(ended.stderr.splitlines()) == 1 and ended.stdout == "", ended.stderr
     for word in words:
-        assert str(word) in line, f"'{word}' in: {line}"
+        assert str(word) in ended.stderr, f"'{word}' in: {ended.stderr}"
     assert files(folder) == before
 
 

@@ -8,7 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments, written
-from conftest import centres
+from conftest import centres, refused
 from vrtm.bake.failure import Failure
 from vrtm.bake.scene import SceneError
 from vrtm.bake.warped import Copy, Texture, _footprint, listed, read, warp
@@ -183,19 +183,15 @@ def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
 
 
 def test_wrong_textures(tmp_path: Path) -> None:
-    with pytest.raises(Failure, match="redirect"):
-        listed(("a/redirect.<UDIM>.png",), (), False)
-    with pytest.raises(Failure, match="skin"):
-        listed(("a/skin.<UDIM>.png",), ("b/skin.<UDIM>.exr",), False)
+    refused(Failure, "redirect", listed, ("a/redirect.<UDIM>.png",), (), False)
+    refused(Failure, "skin", listed, ("a/skin.<UDIM>.png",), ("b/skin.<UDIM>.exr",), False)
     kinds = [copy.kind for copy in listed(("a/<mesh>_skin_<UDIM>.png", "b.png"), ("c.<UDIM>.x.tif",), False)]
     assert kinds == ["skin", "b", "c.x"]
     two = image(tmp_path / "two.png", np.zeros((SIZE, SIZE, 2), np.uint8))
-    with pytest.raises(Failure, match="three channels"):
-        Copy("", "", True, False).read(str(two))
+    refused(Failure, "three channels", Copy("", "", True, False).read, str(two))
     broken = tmp_path / "broken.png"
     broken.write_bytes(two.read_bytes()[:60])
-    with pytest.raises(SceneError, match=r"broken\.png"):
-        read(str(broken))
+    refused(SceneError, r"broken\.png", read, str(broken))
 
 
 def test_the_footprint_has_the_covariance_that_is_missing() -> None:

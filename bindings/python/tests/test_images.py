@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vrtm
-from conftest import centres, studs
+from conftest import centres, refused, studs
 
 
 def redirection(asset, model, rigidity, **how):
@@ -99,12 +99,10 @@ def test_out(solved):
     untouched[::2, ::2, 1:3] = 7
     assert (untouched == 7).all()
     for bad in (np.empty((16, 24, 3), np.float32), [[0.0]], np.empty((16, 24), np.float32)):
-        with pytest.raises(ValueError, match="out: is"):
-            solved.fetch(out=bad, size=(24, 16))
+        refused(ValueError, "out: is", solved.fetch, out=bad, size=(24, 16))
     frozen = np.empty((16, 24, 2), np.float32)
     frozen.flags.writeable = False
-    with pytest.raises(ValueError, match="read-only"):
-        solved.fetch(out=frozen)
+    refused(ValueError, "read-only", solved.fetch, out=frozen)
 
 
 def test_parts(solved):

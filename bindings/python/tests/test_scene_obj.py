@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import REPOSITORY
+from conftest import REPOSITORY, refused
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 VERTICES = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\n"
@@ -56,8 +56,7 @@ def test_what_is_refused(tmp_path: Path, name: str) -> None:
     text, message = CASES["refused"][name]
     path = tmp_path / "a.obj"
     path.write_bytes(text.encode("latin-1"))
-    with pytest.raises(SceneError, match=rf"a\.obj: .*{re.escape(message)}"):
-        Scene(path)
+    refused(SceneError, rf"a\.obj: .*{re.escape(message)}", Scene, path)
 
 
 def test_colours_are_rigidity(tmp_path: Path) -> None:
@@ -67,10 +66,8 @@ def test_colours_are_rigidity(tmp_path: Path) -> None:
     assert shape.vertex_rigidity.tolist() == pytest.approx([0, 0.7152, 0.25, 0.5, 1, 1]) and shape.vertex_mask is None
     assert shape.rest[5].tolist() == [2, 1, 0]
     bare = write(tmp_path / "b.obj", VERTICES + UVS + FACES)
-    with pytest.raises(SceneError, match=r"b\.obj: not all vertices have a colour"):
-        Scene(bare, SceneOptions(mask_primvar="colors"))
-    with pytest.raises(SceneError, match="'colors', not 'weights'"):
-        Scene(bare, SceneOptions(mask_primvar="weights"))
+    refused(SceneError, r"b\.obj: not all vertices have a colour", Scene, bare, SceneOptions(mask_primvar="colors"))
+    refused(SceneError, "'colors', not 'weights'", Scene, bare, SceneOptions(mask_primvar="weights"))
 
 
 def test_poses(tmp_path: Path) -> None:
@@ -80,8 +77,7 @@ def test_poses(tmp_path: Path) -> None:
     scene = Scene(rest, SceneOptions(poses=(str(tmp_path / "pose.####.obj"),)))
     assert scene.frames == (1, 2, 10) and scene.positions("rest", 10)[2, 0] == 12
     assert scene.shapes[0].rest[2, 0] == 2
-    with pytest.raises(SceneError, match="no pose 3, only 1 to 10"):
-        scene.positions("rest", 3)
+    refused(SceneError, "no pose 3, only 1 to 10", scene.positions, "rest", 3)
     options = SceneOptions(poses=(str(tmp_path / "pose.%04d.obj"),), rest="first")
     assert Scene(rest, options).shapes[0].rest[2, 0] == 3
     # Vertices alone are a pose, too, and a face may begin at another corner.
@@ -100,11 +96,9 @@ def test_poses_of_other_faces_are_named(tmp_path: Path) -> None:
     }
     for number, (faces, message) in enumerate(wrongs.items()):
         scene = Scene(rest, SceneOptions(poses=(pose(tmp_path / f"wrong{number}.obj", 2, faces),)))
-        with pytest.raises(SceneError, match=rf"wrong{number}\.obj: {message}"):
-            scene.positions("rest", scene.frames[0])
+        refused(SceneError, rf"wrong{number}\.obj: {message}", scene.positions, "rest", scene.frames[0])
     scene = Scene(rest, SceneOptions(poses=(write(tmp_path / "few.obj", "v 0 0 0\n"),)))
-    with pytest.raises(SceneError, match=r"few\.obj: 1 vertices, but the rest mesh has 6"):
-        scene.positions("rest", 1)
+    refused(SceneError, r"few\.obj: 1 vertices, but the rest mesh has 6", scene.positions, "rest", 1)
 
 
 def test_options_that_obj_does_not_have(tmp_path: Path) -> None:

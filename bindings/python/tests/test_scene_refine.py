@@ -7,6 +7,7 @@ import pytest
 from pxr import UsdGeom
 
 import scenes
+from conftest import refused
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
 
 CUBE = [(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
@@ -176,9 +177,7 @@ def test_what_cannot_be_refined(tmp_path: Path) -> None:
         lambda mesh: mesh.CreateSubdivisionSchemeAttr("loop"): "/mesh: the subdivision scheme 'loop' cannot be refined",
         crease(1, [(0, 9)]): "/mesh: its creases or corners do not fit",
     }.items():
-        with pytest.raises(SceneError, match=message):
-            refined(tmp_path, 1, change)
-    with pytest.raises(SceneError, match="9 levels"):
-        refined(tmp_path, 9)
+        refused(SceneError, message, refined, tmp_path, 1, change)
+    refused(SceneError, "9 levels", refined, tmp_path, 9)
     none = refined(tmp_path, 1, lambda mesh: mesh.CreateSubdivisionSchemeAttr("none"))
     assert len(none.rest) == 8, "polygons are no subdivision surface"

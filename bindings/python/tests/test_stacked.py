@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vrtm
-from conftest import centres, grid, studs
+from conftest import centres, grid, refused, studs
 
 SIDE = 16
 
@@ -67,14 +67,10 @@ def test_uvs_of_another_set():
 
 def test_what_is_wrong_is_named():
     asset, _, pose = halves(8)
-    with pytest.raises(vrtm.InvalidArgumentError, match="layer is 2, but tile 1001 has 2"):
-        asset.tile(1001, layer=2)
-    with pytest.raises(vrtm.InvalidArgumentError, match="uv_set"):
-        asset.face_layers(2)
+    refused(vrtm.InvalidArgumentError, "layer is 2, but tile 1001 has 2", asset.tile, 1001, layer=2)
+    refused(vrtm.InvalidArgumentError, "uv_set", asset.face_layers, 2)
     asset.solve(pose)
-    with pytest.raises(vrtm.InvalidArgumentError, match=r"fetches\[0\]\.uv_set is 2"):
-        asset.tile(1001, 1).fetch("uv_set", 16, uv_set=2)
+    refused(vrtm.InvalidArgumentError, r"fetches\[0\]\.uv_set is 2", asset.tile(1001, 1).fetch, "uv_set", 16, uv_set=2)
     with pytest.raises(vrtm.InvalidArgumentError, match=r"fetches\[0\]\.uv_set is 1"):
         asset.tile(1001, 1).fetch("redirection", 16, uv_set=1)
-    with pytest.raises((ValueError, TypeError), match="max_layers"):
-        halves(-1)
+    refused((ValueError, TypeError), "max_layers", halves, -1)

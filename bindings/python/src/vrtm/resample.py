@@ -1,7 +1,5 @@
 """Interpolation of images, and normals on a surface that is turned."""
 
-from __future__ import annotations
-
 import numpy as np
 
 MARGIN = 2

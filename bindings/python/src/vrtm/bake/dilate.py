@@ -4,8 +4,6 @@ A renderer's filter reads beyond the border of a chart. A texture that was dilat
 of the seam there, in its place, so that both sides show the same on the seam.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

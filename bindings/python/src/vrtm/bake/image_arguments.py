@@ -1,7 +1,5 @@
 """The options of `vrtm dilate` and `vrtm rigidity`."""
 
-from __future__ import annotations
-
 import functools
 import math
 import re

@@ -1,8 +1,6 @@
 """Images that record what they were made of: EXR, PNG and TIFF through OpenImageIO, the same bytes for the same
 content."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -54,7 +52,13 @@ class Target:
 def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | None = None) -> None:
     """Writes (height, width, channels) pixels, the first row at the top. `figures` is kept for later runs, too. The
     file appears complete or not at all. Raises Failure."""
-    spec = _spec(target)
+    spec = oiio.ImageSpec(target.width, target.height, len(target.channels), _TYPES[target.dtype])
+    spec.channelnames = target.channels
+    spec.alpha_channel = target.alpha
+    # OpenImageIO would put in the time of writing.
+    further = {"compression": ("string", "zip"), "DateTime": ("string", "")}
+    for name, (kind, value) in (further | dict(target.attributes)).items():
+        spec.attribute(name, kind, value)
     facts = dict(target.facts)
     if figures is not None:
         facts[_FIGURES] = json.dumps(figures, sort_keys=True)
@@ -186,18 +190,6 @@ def _ends(path: str) -> bool:
     with open(path, "rb") as file:
         file.seek(-len(_PNG_END), os.SEEK_END)
         return file.read() == _PNG_END
-
-
-def _spec(target: Target) -> oiio.ImageSpec:
-    spec = oiio.ImageSpec(target.width, target.height, len(target.channels), _TYPES[target.dtype])
-    spec.channelnames = target.channels
-    spec.alpha_channel = target.alpha
-    spec.attribute("compression", "zip")
-    # OpenImageIO would put in the time of writing.
-    spec.attribute("DateTime", "string", "")
-    for name, (kind, value) in target.attributes.items():
-        spec.attribute(name, kind, value)
-    return spec
 
 
 def _facts(spec: oiio.ImageSpec, form: str) -> dict:

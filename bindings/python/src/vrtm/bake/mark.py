@@ -1,7 +1,5 @@
 """The mark of the layers that vrtm writes, by which a later bake knows that it may replace them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 

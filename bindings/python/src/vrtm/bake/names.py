@@ -1,7 +1,5 @@
 """Names of the files that are written: a pattern with placeholders."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Kinds of files: those per frame and tile, straight from the library, and redirected corner UVs per mesh and frame."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from dataclasses import dataclass

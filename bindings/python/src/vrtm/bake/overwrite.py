@@ -1,7 +1,5 @@
 """The files that a program of vrtm may replace: never one that it reads, and none that vrtm has not written."""
 
-from __future__ import annotations
-
 import mmap
 import os
 import re

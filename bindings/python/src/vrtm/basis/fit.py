@@ -10,8 +10,6 @@ texel's centre: a bound over the texels holds between them, too. The sum has no 
 the rest pose, all 0, leave each texel in its place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The rule is that of the library's certificate of maps (method §9): over such a quad the Jacobian is smallest at one of
 the four centres."""
 
-from __future__ import annotations
-
 import numpy as np
 
 _ROUNDING = 1e-11

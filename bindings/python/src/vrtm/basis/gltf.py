@@ -1,8 +1,6 @@
 """Binary glTF 2.0: a mesh with morph targets of positions and of UVs, which the same weights drive, and an animation of
 these weights."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence

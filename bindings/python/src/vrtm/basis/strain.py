@@ -53,16 +53,14 @@ class Ruler:
         self.size = np.array([self.width, self.height], float)
         self.vertices = vertices
         # In texels, from the upper left corner.
-        self.corners = self._pixels(uvs.astype(np.float64))
+        u, v = np.moveaxis(uvs.astype(np.float64), -1, 0)
+        self.corners = np.stack([u * self.width, (1 - v) * self.height], -1)
         (ax, ay), (bx, by) = np.moveaxis(np.diff(self.corners, axis=1), (1, 2), (0, 1))
         self.across = np.sqrt(np.abs(ax * by - ay * bx))
         depth = np.zeros((*self.corners.shape[:2], 1))
         self.under, self.weights = cover(np.concatenate([self.corners, depth], -1), (self.width, self.height))
         self.rigid = rigidity > RIGID * rigidity.max()
         self.charts = _charts(triangles)
-
-    def _pixels(self, uvs: np.ndarray) -> np.ndarray:
-        return np.stack([uvs[..., 0] * self.width, (1 - uvs[..., 1]) * self.height], -1)
 
     def strains(self, delta: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, int]:
         """The strain of each segment of the map `UV + delta`, (height, width, 2), in a pose, and how many are lost.

@@ -1,7 +1,5 @@
 """Rigidity and mask maps from image files, through OpenImageIO."""
 
-from __future__ import annotations
-
 import contextlib
 import glob
 import os

@@ -6,8 +6,6 @@ either merge vertices and UVs or turn a number that cannot be read into 0, and n
 a white one.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator
@@ -64,9 +62,7 @@ class ObjSource:
         self.files = (path, *self._poses.values())
         self._path = path
         name = unique_names([Path(path).stem])[0]
-        rest, rest_from = self._mesh.positions, path
-        if options.rest is not None:
-            rest_from = options.rest
+        rest, rest_from = self._mesh.positions, options.rest or path
         if options.rest == "first":
             rest, rest_from = self._read(self.frames[0]), f"first frame {self.frames[0]}"
         elif options.rest is not None and options.rest.startswith("frame:"):

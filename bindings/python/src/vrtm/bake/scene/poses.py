@@ -1,7 +1,5 @@
 """The files of a sequence of poses, by frame. docs/bake.md has the rules, which follow the library fileseq."""
 
-from __future__ import annotations
-
 import glob
 import os
 import re

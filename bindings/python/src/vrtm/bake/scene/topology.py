@@ -1,7 +1,5 @@
 """Faces, names, frames and values per vertex: what does not depend on the kind of file."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
