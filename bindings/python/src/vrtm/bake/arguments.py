@@ -153,6 +153,13 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATTERN",
     )
     add("--tiles", "Bake these tiles, such as 1001,1011-1013. All by default.", "LIST", type=listed(frames.parse_whole))
+    add(
+        "--task",
+        "Bake the first (1/10) to the last (10/10) tenth of the frames, and write nothing but the files of single "
+        "frames. The same command without it then writes the layer, carried geometry, basis maps, sheets and report.",
+        "K/N",
+        type=_task,
+    )
     add("--overwrite", "Also replace files that vrtm has not written, but never one that the bake reads.")
 
     add = group("content")
@@ -335,7 +342,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--no-progress", "Print no progress bar, and no line per frame.")
     add("--quiet", "Print nothing but warnings and errors.")
     add("--openjd", "Print progress and status lines of OpenJobDescription.")
-    add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS")
+    add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS", action="append")
     return parser
 
 
@@ -352,6 +359,7 @@ _EXCLUDES = {
     "--basis": ("--only-layer", "--texture-uv", "--tiles"),
     "--carry-prims": ("--only-layer", "--subsets", "--tiles"),
     "--only-layer": ("--sheet",),
+    "--task": ("--only-layer", "--warm"),
     "--texture-uv": ("--texture", "--normal-map", "--jacobian", "--filter-scale", "--subdivide"),
     "--quiet": ("--verbose", "--dry-run"),
 }
@@ -375,6 +383,9 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
         "form": a.form or ("udim" if a.layer or a.texture_uv is not None else "tile"),
         "numbers": {name: value for name in NUMBERS if (value := getattr(a, name)) is not None},
     }
+    if a.task is not None:
+        # One file of all frames is none of a task's. Of the layer, corner UVs are files of single frames.
+        own |= {name: getattr(Settings, name) for name in ("sheet", "root", "freeze", "report", "basis", "gltf")}
     return Settings(**same(Settings) | own)
 
 
@@ -411,6 +422,13 @@ def _conflicts(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Iterat
         yield f"--texture-uv and {mode} {both}"
     if a.texture_uv is not None and a.form == "tile":
         yield f"--texture-uv and --form tile {both}"
+
+
+def _task(text: str) -> tuple[int, int]:
+    number, _, count = text.partition("/")
+    if number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return int(number), int(count)
+    raise argparse.ArgumentTypeError(f"'{text}' is not K/N, the number of a task from 1 to N, and N")
 
 
 def _frame(text: str) -> frames.Frame:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import os
 
-from vrtm.bake import frames, image_file, tokens, warped
+from vrtm.bake import image_file, tokens, warped
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
 from vrtm.bake.layer.clips import manifest_path
 from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.layer.write import redirected, relative, write_layer, write_root
 from vrtm.bake.mark import meshes_of
-from vrtm.bake.outputs import corner_name
+from vrtm.bake.outputs import frame_name
 from vrtm.bake.part import Part
 from vrtm.bake.settings import Settings
 from vrtm.bake.words import others
@@ -43,23 +43,18 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     except OSError as error:
         raise _failure(work, error.strerror or error) from error
     warnings = written.warnings
-    there = work.scene.frames
-    lacks = len(there) - sum(isinstance(frame, int) and frame in there for frame in work.frames)
-    if lacks and settings.freeze is None:
-        # A list of very many is not readable.
-        listed = frames.text(set(there) - set(work.frames)) if len(there) <= frames.MOST else ""
-        which = f"frames {listed}" if listed else f"{lacks} frames"
-        shown = f"{which} of the scene are not in it, and show the ones before them"
-        warnings = [*warnings, f"--layer {settings.layer}: {shown}"]
+    lacking = work.lacking()
+    if lacking and settings.freeze is None:
+        warnings = [*warnings, f"--layer {settings.layer}: {lacking}, and show the ones before them"]
     if written.changes:
         paths = [path for name in sorted(written.files) for path in named.get(name, ())]
-        lacking = [path for path in paths if not os.path.isfile(path)]
+        gone = [path for path in paths if not os.path.isfile(path)]
         forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
         wrong = [path for path, form in forms if form != settings.form]
         if wrong:
             message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
             return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}")
-        return warnings, _lacking(settings, lacking) if lacking else None
+        return warnings, _lacking(settings, gone) if gone else None
     return warnings, Failure(TOLERANCE, _idle(settings)) if plan.shapes else None
 
 
@@ -158,7 +153,7 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
         return None
 
     def corner_path(mesh: str, frame: Frame) -> str:
-        return named(corner_name(work.pattern, mesh, frame))
+        return named(frame_name(work.pattern, mesh, frame))
 
     # Meshes without a gain stay as the shot has them.
     gaining = {name: mesh for name, mesh in work.meshes.items() if mesh.gains}

@@ -222,9 +222,9 @@ def planned(work: Work) -> Iterator[str]:
     there = sum(map(os.path.exists, names))
     if names and not settings.only_layer:
         yield f"files: {len(names)} below {settings.out}, {there} of which are there: {names[0]} to {names[-1]}"
-    for path in layer_file.names(settings) if settings.layer else ():
+    for path in layer_file.names(settings) if "--layer" in settings.beside else ():
         yield f"layer: {path}"
-    yield from [f"carried: {settings.carry_file}"] if settings.carry_file else []
+    yield from (f"carried: {path}" for path in work.carried_files())
     yield from (f"sheet: {path}" for path in work.sheets().values())
     for what in ("root", "report", "log"):
         path = getattr(settings, what)

@@ -6,6 +6,7 @@ import contextlib
 import math
 import os
 import time
+from collections import Counter
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -43,7 +44,8 @@ def bake(settings: Settings, console: Console, stop: Stop) -> int:
         failure = describe(error)
     console.close()
     if failure is not None:
-        console.error(failure.message)
+        # A task of a farm may find nothing left to do.
+        (console.error if failure.code else console.info)(failure.message)
         return failure.code
     return DONE
 
@@ -56,14 +58,15 @@ class _Made:
     basis: basis_maps.Made = field(default_factory=basis_maps.Made)
     carried: list[dict] = field(default_factory=list)
     """Rows of the report about geometry on the skin."""
-    carried_is_new: bool = False
+    carried_files: Counter = field(default_factory=Counter)
+    """The numbers of files with it that were `written` and `skipped`."""
     failure: Failure | None = None
     """The first failure that ends a bake at once, or that its results are."""
 
     def count(self, state: str) -> int:
         """Files that were `written` or `skipped`."""
-        of_carried = bool(self.carried) and self.carried_is_new == (state == "written")
-        return sum(result.count(state) for result in self.results) + getattr(self.basis, state) + of_carried
+        of_frames = sum(result.count(state) for result in self.results)
+        return of_frames + getattr(self.basis, state) + self.carried_files[state]
 
 
 @dataclass
@@ -124,7 +127,7 @@ def _opened(settings: Settings, say: Remarks, stop: Stop, opened: contextlib.Exi
     if settings.basis:
         basis_maps.check(work)
     carried = carry.Carry(work) if settings.carry_prims else None
-    of_layer = layer_file.names(settings)[1:] if settings.layer else ()
+    of_layer = layer_file.names(settings)[1:] if "--layer" in settings.beside else ()
     work.check_files(of_layer, carried.files if carried else ())
     say.opened(work, carried)
     if not settings.only_layer:
@@ -156,9 +159,9 @@ def _made(baking: _Bake) -> _Made:
             made.failure = made.failure or made.basis.failure
         if baking.carried is not None:
             console.status("carrying what is on the skin")
-            made.carried, made.carried_is_new = baking.carried.write(baking.stop.check, baking.say.warn)
+            made.carried, made.carried_files = baking.carried.write(baking.stop.check, baking.say.warn)
             baking.say.info(*(f"{settings.carry_file}: {carry.line(row)}" for row in made.carried))
-        if settings.layer:
+        if "--layer" in settings.beside:
             console.status(f"writing {settings.layer}")
             notes, idle = layer_file.write(baking.work)
             baking.say.warn(*notes)

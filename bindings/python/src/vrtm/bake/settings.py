@@ -38,6 +38,8 @@ class Settings:
     name: str | None = None
     frames: tuple[Frame, ...] | None = None
     tiles: tuple[int, ...] | None = None
+    task: tuple[int, int] | None = None
+    """The number of a farm's task, from 1, and their count."""
     size: int | None = None
     map_size: int | str | None = None
     """`auto`: see `AUTO`."""
@@ -115,7 +117,7 @@ class Settings:
     @property
     def beside(self) -> dict[str, str]:
         """The files besides those below `out`, by their options."""
-        files = {"--layer": self.layer or None, "--root": self.root, "--report": self.report}
+        files = {"--layer": None if self.task else self.layer or None, "--root": self.root, "--report": self.report}
         return {option: path for option, path in files.items() if path is not None}
 
     @property
