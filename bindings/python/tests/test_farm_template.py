@@ -12,12 +12,14 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from pxr import Usd, UsdGeom
 
 from bake_scenes import INSTALLED, files, processes, run, sheet_arguments, with_material
 from vrtm.farm import template
 
 FRAMES = 4
 OPTIONS = "--size 128 --jacobian"
+CARRIED = "/model/dots", "/model/more"
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +39,12 @@ class Farm:
     def __init__(self, openjd: str, folder: Path) -> None:
         self.openjd, self.folder = openjd, folder
         self.scene = with_material(folder / "scene", frames=FRAMES, cells=8)
+        stage = Usd.Stage.Open(str(self.scene))
+        for path in CARRIED:
+            UsdGeom.Points.Define(stage, path).CreatePointsAttr([(0.3, 0.4, 0)])
+        stage.Save()
         self.template = folder / "job.yaml"
-        self.template.write_text(run("farm-template").stdout)
+        self.template.write_text(run("farm-template", "--carry").stdout)
         program = folder / "bin" / "vrtm"
         program.parent.mkdir()
         program.write_text(f'#!/bin/sh\nPYTHONPATH="{INSTALLED}" exec "{sys.executable}" -m vrtm.cli "$@"\n')
@@ -56,6 +62,7 @@ class Farm:
             "ChunkSize": 3,
             "Tiles": "1001-1002",
             "Options": OPTIONS,
+            "CarryPrims": " ".join(CARRIED),
         }
         given = [word for name, value in values.items() for word in ("-p", f"{name}={value}")]
         return [self.openjd, verb, str(self.template), *given, *more]
@@ -81,8 +88,8 @@ def farm(openjd: str, tmp_path_factory: pytest.TempPathFactory) -> Farm:
 def local(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """Files of a run without a farm."""
     out = tmp_path_factory.mktemp("local")
-    layer = ("--layer", out / "redirect.usda")
-    run(*sheet_arguments(farm.scene, out, "--form", "udim", *OPTIONS.split(), *layer))
+    more = ("--layer", out / "redirect.usda", "--carry-prims", *CARRIED)
+    run(*sheet_arguments(farm.scene, out, "--form", "udim", *OPTIONS.split(), *more))
     return files(out)
 
 
@@ -90,12 +97,13 @@ def test_the_template_is_valid(farm: Farm, tmp_path: Path) -> None:
     for words in (farm.command("summary", tmp_path), [farm.openjd, "check", str(farm.template)]):
         ended = subprocess.run(words, capture_output=True, text=True, timeout=100)
         assert ended.returncode == 0, ended.stdout
-    assert "Layer" in farm.template.read_text() and "begin layer" not in farm.template.read_text()
-    short = run("farm-template", "--no-layer").stdout
-    assert short == template(layer=False) and "redirect.usda" not in short
-    (tmp_path / "short.yaml").write_text(short)
-    ended = subprocess.run([farm.openjd, "check", str(tmp_path / "short.yaml")], capture_output=True, text=True)
-    assert ended.returncode == 0, ended.stdout
+    assert "Layer" in farm.template.read_text() and "# begin" not in farm.template.read_text()
+    for option, word in (("--no-layer", "redirect.usda"), ("", "carry")):
+        short = run("farm-template", *filter(None, [option])).stdout
+        assert short == template(layer=not option) and word not in short
+        (tmp_path / "short.yaml").write_text(short)
+        ended = subprocess.run([farm.openjd, "check", str(tmp_path / "short.yaml")], capture_output=True, text=True)
+        assert ended.returncode == 0, ended.stdout
 
 
 def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(
@@ -127,10 +135,12 @@ def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(
     ended = farm.start(out)
     told, _ = ended.communicate(timeout=280)
     assert ended.returncode == 0, told[-3000:]
-    assert files(out) == local
+    found = files(out)
+    assert local.items() <= found.items()
+    assert set(found) - set(local) == {f"carried.{frame:04d}.tif" for frame in range(1, FRAMES + 1)}
     assert "openjd_progress: 100.0" in told and "openjd_status: writing" in told and "files up to date" in told
-    # Two chunks of two tiles, and the layer.
-    assert told.count("Running Task") == 5
+    # Two chunks of two tiles, the layer, two chunks of what is carried, and its file.
+    assert told.count("Running Task") == 8
 
 
 def listed(folder: Path) -> set[str]:
