@@ -58,7 +58,7 @@ def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.Capt
     told = [
         "/model/bald: has no UVs",
         "/model/hidden: is invisible in all frames",
-        "frame 1: not in --frames",
+        "all but 2 of 3 frames: not in --frames",
         "frame 8: the scene has 1-3",
         "/model/sheet, tile 1002: no map of --rigidity: nothing keeps its shape there",
     ]

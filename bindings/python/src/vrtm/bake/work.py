@@ -130,7 +130,8 @@ class Work(contextlib.AbstractContextManager):
 
     def _known_left_out(self, still: Sequence[str]) -> list[LeftOut]:
         return [
-            *(entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)),
+            # Of the ends of its range that are no frames, those that --frames leaves to the scene.
+            *(entry for entry in self.scene.left_out if not entry.frames or self.settings.frames is None),
             *(LeftOut("nothing deforms there; --meshes can name it", path, meant=True) for path in still),
             *not_baked.of_frames(self.settings, self.scene.frames, self.missing_frames),
             *not_baked.of_meshes(self.settings, self.meshes.values()),
