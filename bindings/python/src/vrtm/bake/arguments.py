@@ -93,7 +93,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     )
     add("--out", "Write to this folder.", "DIR", default="out")
     add("--sheet", "Also draw a picture per mesh to judge by: the worst frame without and with the maps.")
-    add("--dry-run", "List the meshes, tiles, maps, files and memory of the bake, and write nothing.")
+    add("--dry-run", "List the meshes, tiles, maps, files and memory, and write nothing: also without --rigidity.")
     shared = {"action": _Help, "nargs": 0, "default": argparse.SUPPRESS}
     usual.add_argument("-h", "--help", help="Show the usual options and exit.", **shared)
     usual.add_argument("--help-all", help="Show all options and exit.", const=True, **shared)
@@ -398,8 +398,8 @@ def _conflicts(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Iterat
         value = getattr(a, action.dest)
         return value is not None and value != "" and value != action.default
 
-    if not (given("--rigidity") or given("--rigidity-primvar")):
-        yield "one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape"
+    if not (given("--rigidity") or given("--rigidity-primvar") or a.dry_run):
+        yield "one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape (not by --dry-run)"
     for name, others in _EXCLUDES.items():
         yield from (f"{name} and {other} {both}" for other in others if given(name) and given(other))
     for name, others in _NEEDED_BY.items():

@@ -215,9 +215,12 @@ def planned(work: Work) -> Iterator[str]:
             size = size if tile.size[0] else "auto"
             maps = ", ".join(_maps(tile.part, tile.udim))
             share = needs.movable_nodes / ((tile.cells[0] + 1) * (tile.cells[1] + 1))
-            needed = _mb(needs.solving_bytes)
-            name = rows.tile_name(rows.place(tile))
-            yield f"  tile {name}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
+            needed = f"; {share:.1%} may move; {_mb(needs.solving_bytes)}"
+            if settings.is_unpainted:
+                # Its maps will tell.
+                grid, needed = grid if settings.size else "by the features", ""
+                size = size if settings.size or settings.map_size else "as the rigidity map"
+            yield f"  tile {rows.tile_name(rows.place(tile))}: grid {grid}, maps {size}, {maps}{needed}"
     names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
     there = sum(map(os.path.exists, names))
     if names and not settings.only_layer:
@@ -229,6 +232,8 @@ def planned(work: Work) -> Iterator[str]:
     for what in ("root", "report", "log"):
         path = getattr(settings, what)
         yield from [f"{what}: {path}"] if path else []
+    if settings.is_unpainted:
+        return
     jobs, threads = pool.split(settings, work, len(work.frames) * len(work.meshes))
     most = f"{counted(jobs, 'job')} of {counted(threads, 'thread')}"
     yield f"memory: {_mb(work.bytes)} per job, besides the scene; at most {most}"

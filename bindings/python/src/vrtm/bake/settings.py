@@ -127,6 +127,11 @@ class Settings:
         return os.path.join(self.out, f"carried.{kind}") if self.carry_prims else None
 
     @property
+    def is_unpainted(self) -> bool:
+        """True if nothing says yet what is rigid, and so nothing can be baked."""
+        return self.rigidity is None and self.options.rigidity_primvar is None
+
+    @property
     def corner_uvs(self) -> bool:
         """True if the corner UVs of each frame are written, for the layer."""
         return bool(self.layer) and self.layer_mode == "primvar"
