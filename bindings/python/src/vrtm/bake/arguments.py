@@ -21,8 +21,8 @@ their shape while the mesh deforms. Files that are up to date are left alone, so
 
 EPILOG = """\
 exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain, --max-error or --max-worse was
-exceeded, or the layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number
-if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
+exceeded, or the layer names files that do not exist; 4 the device is missing or lost, or memory is short; 128 + the
+signal's number if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
 
 
 _NUMBERS = {

@@ -29,8 +29,8 @@ def names(settings: Settings) -> list[str]:
 
 
 def write(work: Work) -> tuple[list[str], Failure | None]:
-    """Writes the layer of all frames and meshes that the settings name; returns warnings, and a failure if the layer
-    changes nothing. Raises Failure."""
+    """Writes the layer of all frames and meshes that the settings name; returns warnings, and a failure if files that
+    it names are missing or of another form. Raises Failure."""
     settings = work.settings
     assert settings.layer is not None
     try:
@@ -46,27 +46,27 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     lacking = work.lacking()
     if lacking and settings.freeze is None:
         warnings = [*warnings, f"--layer {settings.layer}: {lacking}, and show the ones before them"]
-    if written.changes:
-        paths = [path for name in sorted(written.files) for path in named.get(name, ())]
-        gone = [path for path in paths if not os.path.isfile(path)]
-        forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
-        wrong = [path for path, form in forms if form != settings.form]
-        if wrong:
-            message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
-            return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}")
-        return warnings, _lacking(settings, gone) if gone else None
-    return warnings, Failure(TOLERANCE, _idle(settings)) if plan.shapes else None
+    paths = [path for name in sorted(written.files) for path in named.get(name, ())]
+    gone = [path for path in paths if not os.path.isfile(path)]
+    forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
+    wrong = [path for path, form in forms if form != settings.form]
+    if wrong:
+        message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
+        return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}")
+    return warnings, _lacking(settings, gone) if gone else None
 
 
-def foretell(work: Work) -> list[str]:
-    """Warnings of the layer that will be written: better known before hours of baking."""
+def foretell(work: Work) -> tuple[list[str], Failure | None]:
+    """Warnings of the layer that will be written, and a failure if it would redirect nothing: better known before hours
+    of baking."""
     assert work.settings.layer is not None
     plan = planned(work, {})
     # Its frames have the same materials.
     plan = dataclasses.replace(plan, frames=plan.frames[:1], freeze=None)
     with work.scene.listening():
         _, warnings, changes = redirected(work.settings.layer, work.scene, plan)
-    return warnings if changes or not plan.shapes else [*warnings, _idle(work.settings)]
+    # Without a gain there is nothing to redirect.
+    return warnings, Failure(INPUT, _idle(work.settings)) if plan.shapes and not changes else None
 
 
 def _idle(settings: Settings) -> str:

@@ -46,7 +46,6 @@ class Remarks:
     def opened(self, work: Work, carried: carry.Carry | None) -> None:
         """The scene is open and checked."""
         self.warn(*notes(work), *(carried.warnings if carried else ()))
-        self.warn(*(layer_file.foretell(work) if work.settings.layer else ()))
         self.warn(*left_out.lines(left_out.unmeant(work.left_out)))
         self.info(*facts(work), *borders(work), *hints(work), *(carried.facts() if carried else ()))
         for line in work.told():

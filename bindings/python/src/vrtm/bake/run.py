@@ -79,6 +79,8 @@ class _Bake:
     stop: Stop
     opening: float
     """Seconds that the scene took to open."""
+    idle: Failure | None
+    """The failure of a layer that would redirect nothing, if the bake is a dry run."""
 
 
 def _baked(settings: Settings, say: Remarks, stop: Stop) -> Failure | None:
@@ -91,7 +93,7 @@ def _baked(settings: Settings, say: Remarks, stop: Stop) -> Failure | None:
             work = baking.work
             if settings.dry_run:
                 say.info(*planned(work), *left_out.listed(work.left_out))
-                return report.strict(settings, work.left_out)
+                return report.strict(settings, work.left_out) or baking.idle
         made = _made(baking)
         missing = _missing(baking, made)
         made.failure = made.failure or report.strict(settings, missing)
@@ -130,9 +132,13 @@ def _opened(settings: Settings, say: Remarks, stop: Stop, opened: contextlib.Exi
     of_layer = layer_file.names(settings)[1:] if "--layer" in settings.beside else ()
     work.check_files(of_layer, carried.files if carried else ())
     say.opened(work, carried)
+    notes, idle = layer_file.foretell(work) if settings.layer else ((), None)
+    say.warn(*notes)
+    if idle is not None and not settings.dry_run:
+        raise idle
     if not settings.only_layer:
         work.check_units()
-    return _Bake(work, carried, say, stop, opening)
+    return _Bake(work, carried, say, stop, opening, idle)
 
 
 def _made(baking: _Bake) -> _Made:
@@ -163,9 +169,9 @@ def _made(baking: _Bake) -> _Made:
             baking.say.info(*(f"{settings.carry_file}: {carry.line(row)}" for row in made.carried))
         if "--layer" in settings.beside:
             console.status(f"writing {settings.layer}")
-            notes, idle = layer_file.write(baking.work)
+            notes, lacking = layer_file.write(baking.work)
             baking.say.warn(*notes)
-            made.failure = made.failure or idle
+            made.failure = made.failure or lacking
     except Exception as error:
         made.failure = describe(error)
     return made
