@@ -121,14 +121,16 @@ def flat(path: Path, value: int = 255, size: int = 16) -> Path:
     return image(path, np.full((size, size, 1), value, np.uint8))
 
 
-def pixels(path: Path) -> np.ndarray:
-    """(height, width, channels) as they are stored."""
+def pixels(path: Path, level: int = 0) -> np.ndarray:
+    """(height, width, channels) as they are stored. `level`: of the mip levels of a tiled texture."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(str(path), config)
-    assert file is not None, oiio.geterror()
+    assert file is not None and file.seek_subimage(0, level), oiio.geterror()
     spec = file.spec()
-    return np.asarray(file.read_image(spec.format)).reshape(spec.height, spec.width, spec.nchannels)
+    assert level == 0 or spec.tile_width
+    pixels = file.read_image(0, level, 0, spec.nchannels, spec.format)
+    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
 
 
 def attributes(path: Path) -> dict[str, object]:

@@ -10,6 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 import scenes
 from bake_scenes import files, image, run
 from conftest import centres, grid
+from vrtm.bake.carry import Group
 
 MESH, SCALES = "/model/skin", "/model/scales"
 STRETCH = np.diag([1.5, 1.0, 1.0])
@@ -337,3 +338,33 @@ def test_what_is_wrong_is_named_before_anything_is_baked(tmp_path: Path, options
     scales(stage, np.add(PLACES, [0, 0, 0.005]))
     assert said in bake(tmp_path, stage, *options, expect=2)
     assert not (tmp_path / "out").exists()
+
+
+def test_tasks_of_a_farm_share_the_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = scene(tmp_path, radius=0.25)
+    scales(stage)
+    points = UsdGeom.Mesh(stage.GetPrimAtPath(MESH)).GetPointsAttr()
+    points.Set(points.Get(2), 3)
+    stage.SetEndTimeCode(3)
+    whole, shared = tmp_path / "whole", tmp_path / "shared"
+
+    def share(out: Path, *more: object) -> str:
+        beside = ("--layer", out / "over.usda", "--layer-mode", "primvar", "--report", out / "report.json", "--sheet")
+        return bake(tmp_path, stage, "--carry-prims", SCALES, "--out", out, *beside, *more)
+
+    assert "not in it" not in share(whole)
+    for task in ("4/4", "2/4", "3/4"):
+        share(shared, "--task", task)
+    assert share(shared, "--task", "1/4").endswith("--task 1/4: no frame is left for it\n")
+    kinds = ("redirect.{}.1001.exr", "corners.{}.usdc", "carried.{}.tif")
+    assert set(files(shared)) == {kind.format(frame) for kind in kinds for frame in ("0001", "0002", "0003")}
+    assert "0 files written, 3 up to date" in share(shared, "--task", "4/4")
+    (shared / "carried.0003.tif").write_bytes((shared / "carried.0003.tif").read_bytes()[:-60])
+    assert "1 file written, 2 up to date" in share(shared, "--task", "4/4")
+    monkeypatch.setattr(Group, "moved", lambda _: pytest.fail("a frame of a task is solved again"))
+    share(shared)
+    made, found = ({**files(of), "report.json": b""} for of in (whole, shared))
+    assert made.items() <= found.items() and len(found) == len(made) + 3
+    monkeypatch.undo()
+    said = bake(tmp_path, stage, "--carry-prims", SCALES, "--frames", 2)
+    assert "carried.usdc: frames 1,3 of the scene are not in it (tasks of a farm that share the frames need" in said

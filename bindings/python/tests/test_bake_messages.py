@@ -114,8 +114,15 @@ def test_a_dry_run_tells_and_writes_nothing(scene: Path, tmp_path: Path) -> None
         "memory: 1 MB per job, besides the scene; at most ",
     ):
         assert words in told, f"'{words}' in {told}"
-    assert not out.exists()
     assert "--tiles" in run(*sheet_arguments(scene, out, "--dry-run", "--tiles", 1050), expect=2).stderr
+    # Whoever is to paint the maps has to know the tiles.
+    for size, cells in (("by the features", "as the rigidity map"), ("32 x 32", "32 x 32")):
+        sizes = ("--size", 32) if size == "32 x 32" else ()
+        told = run("bake", scene, "--dry-run", "--device", "cpu", "--out", out, *sizes)
+        lines = [f"  tile {udim}: grid {size}, maps {cells}, no rigidity" for udim in (1001, 1002)]
+        assert [line for line in told.stdout.splitlines() if "tile" in line] == lines, told.stdout
+        assert "frames: 1-5 of 1-5\n/model/sheet: UV set st" in told.stdout and "not baked" not in told.stdout
+    assert not out.exists()
 
 
 def test_a_log_keeps_what_is_said(scene: Path, tmp_path: Path) -> None:

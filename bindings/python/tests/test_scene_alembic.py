@@ -71,7 +71,7 @@ def test_the_rate_is_the_files_own(tmp_path: Path, fps: float) -> None:
         fps == 12
     )
     other = Scene(write(tmp_path / "a.abc", samples=6, start=1001, fps=fps), SceneOptions(fps=17))
-    assert f"/group/mesh: it has {fps:.4g} samples per second, but there are 17 frames" in other.warnings[0]
+    assert f"/group/mesh: it has {fps:.4g} samples per second, but there are 17 frames" in other.rate
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -104,8 +104,9 @@ def test_transforms_have_frames_with_world_alone(tmp_path: Path) -> None:
 
 def test_samples_between_frames_are_told(tmp_path: Path) -> None:
     scene = Scene(write(tmp_path / "a.abc", samples=8, start=10.5), SceneOptions(fps=24))
-    (warning,) = scene.warnings
-    assert warning == "/group/mesh: at 24 per second, samples lie between frames, such as at 10.5"
+    told = "; /group/mesh: at 24 per second, samples lie between frames, such as at 10.5"
+    assert scene.rate == f"24 per second{told}" and not scene.warnings, "a rate that is asked for"
+    assert Scene(tmp_path / "a.abc").warnings == [told[2:]]
     many = Scene(write(tmp_path / "b.abc", samples=24, start=4004, fps=96))
     assert many.frames == tuple(range(1001, 1007))
     assert many.warnings == ["/group/mesh: its 96 samples per second are taken for 24 frames: --fps says otherwise"]

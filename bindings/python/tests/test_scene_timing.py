@@ -8,6 +8,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
+from bake_scenes import opened
 from shots import write_corner_uvs
 from vrtm.bake import arguments, parsing
 from vrtm.bake.layer.plan import LayerPlan
@@ -71,6 +72,16 @@ def test_time_codes_that_are_no_frames_are_told(tmp_path: Path) -> None:
         (warning,) = Scene(tmp_path / f"{name}.usda").warnings
         assert expected in warning
     assert not Scene(tmp_path / "c.usda", SceneOptions(fps=25)).warnings
+    # A rate that is asked for needs no warning.
+    animated(tmp_path / "e.usda", range(1, 39), 60, 24)
+    for fps in (24, "file"):
+        scene = Scene(tmp_path / "e.usda", SceneOptions(fps=fps))
+        assert not [warning for warning in scene.warnings if "between" in warning]
+        told = "; /mesh: 31 of its 38 samples lie between frames, such as at 0.4, and are not baked"
+        assert scene.rate == f"24 per second (timeCodesPerSecond 60){told}"
+    with opened(tmp_path / "e.usda", SceneOptions(fps=24), frames=(1, 2)) as work:
+        # Nor does it name the ends of the range, which are no frames.
+        assert [entry.line() for entry in work.left_out] == ["all but 2 of 15 frames: not in --frames"]
 
 
 @pytest.mark.parametrize("ends", [(1.0000000000000002, 5.999999999999999), (-1.9999999999999998, 3), (0.9999, 6.0001)])

@@ -59,18 +59,22 @@ def _run(given: list[str]) -> int:
     template = commands.add_parser(
         "farm-template",
         help="print a job template for a render farm",
-        description="Prints an OpenJobDescription template.",
+        description="Prints a template of OpenJobDescription, or a script for Slurm.",
     )
+    template.add_argument("--slurm", action="store_true", help="print a script that submits a bake to Slurm")
     template.add_argument("--no-layer", action="store_true", help="without the step that writes a USD layer")
+    template.add_argument("--carry", action="store_true", help="with steps that carry geometry on the skin")
     commands.add_parser("devices", help="list what can compute", description="Lists the CPU and all GPUs.")
     parsed = parser.parse_args(given)
     if parsed.command == "bake" and parsed.more:
         try:
-            parsed = parser.parse_args([*given, *shlex.split(parsed.more)])
+            parsed = parser.parse_args([*given, *shlex.split(" ".join(parsed.more))])
         except ValueError as error:
             bake.error(f"--more: {error}")
     if parsed.command == "farm-template":
-        return _template(not parsed.no_layer)
+        if parsed.slurm and (parsed.no_layer or parsed.carry):
+            template.error("--slurm takes what to write from the options of the bake")
+        return _template(parsed)
     if parsed.command == "devices":
         return _devices()
     return _work(parsed, arguments.settings(bake, parsed) if parsed.command == "bake" else None)
@@ -104,13 +108,14 @@ def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
             return failure.code
 
 
-def _template(layer: bool) -> int:
+def _template(parsed: argparse.Namespace) -> int:
+    from vrtm import farm
     from vrtm.bake.console import Console
     from vrtm.bake.failure import describe
-    from vrtm.farm import template
 
     try:
-        print(template(layer), end="", flush=True)
+        text = farm.slurm() if parsed.slurm else farm.template(not parsed.no_layer, parsed.carry)
+        print(text, end="", flush=True)
     except OSError as error:
         failure = describe(error, "stdout")
         Console().error(failure.message)

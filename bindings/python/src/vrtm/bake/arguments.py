@@ -21,8 +21,8 @@ their shape while the mesh deforms. Files that are up to date are left alone, so
 
 EPILOG = """\
 exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain, --max-error or --max-worse was
-exceeded, or the layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number
-if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
+exceeded, or the layer names files that do not exist; 4 the device is missing or lost, or memory is short; 128 + the
+signal's number if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
 
 
 _NUMBERS = {
@@ -85,7 +85,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--frames", text, "LIST", type=listed(frames.parse))
     add("--out", "Write to this folder.", "DIR", default="out")
     add("--sheet", "Also draw a picture per mesh to judge by: the worst frame without and with the maps.")
-    add("--dry-run", "List the meshes, tiles, maps, files and memory of the bake, and write nothing.")
+    add("--dry-run", "List the meshes, tiles, maps, files and memory, and write nothing: also without --rigidity.")
     shared = {"action": _Help, "nargs": 0, "default": argparse.SUPPRESS}
     usual.add_argument("-h", "--help", help="Show the usual options and exit.", **shared)
     usual.add_argument("--help-all", help="Show all options and exit.", const=True, **shared)
@@ -123,6 +123,13 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATTERN",
     )
     add("--tiles", "Bake these tiles, such as 1001,1011-1013. All by default.", "LIST", type=listed(frames.parse_whole))
+    add(
+        "--task",
+        "Bake the first (1/10) to the last (10/10) tenth of the frames, and write nothing but the files of single "
+        "frames. The same command without it then writes the layer, carried geometry, basis maps, sheets and report.",
+        "K/N",
+        type=_task,
+    )
     add("--overwrite", "Also replace files that vrtm has not written, but never one that the bake reads.")
 
     add = group("content")
@@ -260,7 +267,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--no-progress", "Print no progress bar, and no line per frame.")
     add("--quiet", "Print nothing but warnings and errors.")
     add("--openjd", "Print progress and status lines of OpenJobDescription.")
-    add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS")
+    add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS", action="append")
     return parser
 
 
@@ -278,6 +285,7 @@ _EXCLUDES = {
     "--basis": ("--only-layer", "--texture-uv", "--tiles"),
     "--carry-prims": ("--only-layer", "--subsets", "--tiles"),
     "--only-layer": ("--sheet",),
+    "--task": ("--only-layer", "--warm"),
     "--texture-uv": ("--texture", "--normal-map", "--jacobian", "--filter-scale", "--subdivide"),
     "--quiet": ("--verbose", "--dry-run"),
 }
@@ -301,6 +309,9 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
         "form": a.form or ("udim" if a.layer or a.texture_uv is not None else "tile"),
         "numbers": {name: value for name in NUMBERS if (value := getattr(a, name)) is not None},
     }
+    if a.task is not None:
+        # One file of all frames is none of a task's. Of the layer, corner UVs are files of single frames.
+        own |= {name: getattr(Settings, name) for name in ("sheet", "root", "freeze", "report", "basis", "gltf")}
     return Settings(**same(Settings) | own)
 
 
@@ -313,8 +324,8 @@ def _conflicts(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Iterat
         value = getattr(a, action.dest)
         return value is not None and value != "" and value != action.default
 
-    if not (given("--rigidity") or given("--rigidity-primvar")):
-        yield "one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape"
+    if not (given("--rigidity") or given("--rigidity-primvar") or a.dry_run):
+        yield "one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape (not by --dry-run)"
     for name, others in _EXCLUDES.items():
         yield from (f"{name} and {other} {both}" for other in others if given(name) and given(other))
     for name, others in _NEEDED_BY.items():
@@ -337,6 +348,13 @@ def _conflicts(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Iterat
         yield f"--texture-uv and {mode} {both}"
     if a.texture_uv is not None and a.form == "tile":
         yield f"--texture-uv and --form tile {both}"
+
+
+def _task(text: str) -> tuple[int, int]:
+    number, _, count = text.partition("/")
+    if number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return int(number), int(count)
+    raise argparse.ArgumentTypeError(f"'{text}' is not K/N, the number of a task from 1 to N, and N")
 
 
 def _frame(text: str) -> frames.Frame:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 import vrtm
-from vrtm.bake import overwrite
+from vrtm.bake import carry_frames, overwrite
+from vrtm.bake.carry_frames import Moved
 from vrtm.bake.carry_parts import Nearest, in_parts
 from vrtm.bake.carry_prims import CarriedPrim, Pose, Scatter
 from vrtm.bake.failure import INPUT, Failure, describe, unwritable
@@ -65,9 +67,10 @@ class Carry:
             for prim in group.prims
         ]
 
-    def write(self, stop: Callable[[], None], warn: Callable[[str], None]) -> tuple[list[dict], bool]:
-        """Writes the file, unless it is up to date; returns what the report tells of each mesh, and whether it was
-        written. Each frame is solved once more, by the main process. Raises Failure."""
+    def write(self, stop: Callable[[], None], warn: Callable[[str], None]) -> tuple[list[dict], Counter]:
+        """Writes the file, unless it is up to date; returns what the report tells of each mesh, and the numbers of
+        files `written` and `skipped`. Each frame is solved once more, by the main process, unless a task of a farm has
+        written its file. A task writes these alone. Raises Failure."""
         settings = self.work.settings
         path = settings.carry_file
         assert path is not None
@@ -75,19 +78,23 @@ class Carry:
             # One of an earlier bake would move what stays now.
             if os.path.isfile(path) and overwrite.is_ours(path):
                 os.remove(path)
-            return [], False
+            return [], Counter()
+        if settings.task is not None:
+            return [], Counter(state for group in self.groups for _, _, state in self._moved(group, stop))
+        if lacking := self.work.lacking():
+            warn(f"{path}: {lacking} (tasks of a farm that share the frames need --task)")
         with self.work.scene.listening():
             inputs = self._inputs(stop)
             known = self.scatter.known(path, inputs) if os.path.isfile(path) else None
             if known is not None:
-                return json.loads(known), False
+                return json.loads(known), Counter(skipped=1)
             rows = self._solved(stop)
             try:
                 for line in self.scatter.write(path, inputs, json.dumps(rows)):
                     warn(line)
             except OSError as error:
                 raise unwritable(path, error) from error
-        return rows, True
+        return rows, Counter(written=1)
 
     def differences(self) -> Iterator[str]:
         """The differences of the file, as its readers find it, from what it was meant to say; none if it was not
@@ -152,32 +159,46 @@ class Carry:
                     inputs.array(self._from_mesh(group.mesh, prim, frame))
         return inputs.hex()
 
-    def _solved(self, stop: Callable[[], None]) -> list[dict]:
-        """Adds all frames to the file, and returns what the report tells of each mesh."""
-        rows = []
-        for group in self.groups:
-            worst, features, mesh, warm = (0.0, None), 0, group.mesh, False
-            for frame, positions in self._poses(mesh, stop):
+    def _moved(self, group: Group, stop: Callable[[], None]) -> Iterator[tuple[Frame, Moved, str]]:
+        """The places of a group in each frame: solved, or read from the file of a task. A task writes its files; they
+        are `written` or `skipped`."""
+        mesh, warm, is_task = group.mesh, False, self.work.settings.task is not None
+        for frame, positions in self._poses(mesh, stop):
+            name, count = mesh.shape.name, len(group.states)
+            path = self.work.carried_file(name, frame)
+            target = carry_frames.target(path, name, frame, count, group.inputs, positions)
+            moved = None if mesh.settings.warm else carry_frames.read(target)
+            state = "skipped" if moved else "written"
+            if moved is None:
                 try:
                     # The first one does not start from what the bake solved last.
                     mesh.parts[0].solve(frame, positions, mesh.every_tile, False, mesh.releases, warm, stop)
                 except SceneError:
                     continue
-                warm = mesh.settings.warm
-                places, turns = group.fetched()
-                info, time = group.carrier.info, self.scatter.time(frame)
-                features = max(features, info.features)
-                worst = max(worst, (info.rim, frame), key=lambda entry: entry[0])
+                warm, moved = mesh.settings.warm, group.moved()
+                if is_task:
+                    carry_frames.write(target, moved)
+            yield frame, moved, state
+
+    def _solved(self, stop: Callable[[], None]) -> list[dict]:
+        """Adds all frames to the file, and returns what the report tells of each mesh."""
+        rows = []
+        for group in self.groups:
+            worst, features, mesh = (0.0, None), 0, group.mesh
+            for frame, moved, _ in self._moved(group, stop):
+                time = self.scatter.time(frame)
+                features = max(features, moved.features)
+                worst = max(worst, (moved.rim, frame), key=lambda entry: entry[0])
                 for prim, to_mesh, own in zip(group.prims, group.to_mesh, group.own):
                     from_mesh = self._from_mesh(mesh, prim, frame)
                     bound = group.states[own] != _TOO_FAR
-                    moved = prim.moved(places[own], turns[own], bound, to_mesh, from_mesh)
-                    self.scatter.add(prim, time, *moved)
-                    world = placed(moved[0], self.scatter.to_world(prim, frame))
+                    points = prim.moved(moved.places[own], moved.turns[own], bound, to_mesh, from_mesh)
+                    self.scatter.add(prim, time, *points)
+                    world = placed(points[0], self.scatter.to_world(prim, frame))
                     _, times, poses = self._meant.setdefault(prim.path, (prim, [], []))
                     times.append(time)
                     # The first and the last one.
-                    poses[1:] = [Pose(frame, time, *moved, world)]
+                    poses[1:] = [Pose(frame, time, *points, world)]
             rows.append(group.row() | {"features": features, "rim": worst[0], "rim_frame": worst[1]})
         return rows
 
@@ -209,12 +230,15 @@ class Group:
         except vrtm.Error as error:
             raise describe(error, f"--carry-prims: {mesh.shape.path}") from error
         self.states = self.carrier.states()
+        self.inputs = Fingerprint().text(VERSION, vrtm.version(), settings.carry_fit, mesh.common.hex(), self.farthest)
+        """A hash of all that places depend on besides the pose."""
+        self.inputs.array(np.concatenate(places))
 
-    def fetched(self) -> tuple[np.ndarray, np.ndarray]:
-        """(places, 3) and (places, 3, 3) in the pose that was solved last."""
-        found = self.carrier.fetch("positions", "matrices", dtype=np.float64)
+    def moved(self) -> Moved:
+        """The places in the pose that was solved last."""
+        found, info = self.carrier.fetch("positions", "matrices", dtype=np.float64), self.carrier.info
         assert found.positions is not None and found.matrices is not None
-        return found.positions, found.matrices
+        return Moved(found.positions, found.matrices, info.features, info.rim)
 
     def told(self) -> list[str]:
         lines = []

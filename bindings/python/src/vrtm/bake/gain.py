@@ -150,7 +150,8 @@ def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
     # Corners of the faces, one after another.
     corners = np.arange(counts.sum()) - np.repeat(corner_starts(counts) - starts, counts)
     cuts = corner_starts(counts)
-    found = np.zeros(len(faces), bool)
+    # Before there are maps, anything may become rigid.
+    found = np.full(len(faces), part.settings.is_unpainted)
     if len(faces) == 0:
         return found
     if shape.vertex_rigidity is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import OpenImageIO as oiio
 
-from vrtm.bake import overwrite, staging
+from vrtm.bake import mip_levels, overwrite, staging
 from vrtm.bake.failure import INPUT, Failure, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene.images import KEPT, said
@@ -47,6 +47,8 @@ class Target:
     """OpenImageIO's name of the file format."""
     alpha: int = -1
     """The channel that covers, -1: none does."""
+    has_levels: bool = False
+    """True for a texture that is tiled, with mip levels."""
 
 
 def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | None = None) -> None:
@@ -72,11 +74,14 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
             spec.attribute(name, "int" if number else "string", value if number else str(value))
 
     def body(temporary: str) -> None:
+        packed = np.ascontiguousarray(pixels)
+        if target.has_levels:
+            mip_levels.write(temporary, target.format, spec, packed)
+            return
         # By the format's name, because the temporary name has no ending.
         out = oiio.ImageOutput.create(target.format)
         if out is None:
             raise OSError(said(oiio))
-        packed = np.ascontiguousarray(pixels)
         if not (out.open(temporary, spec) and out.write_image(packed) and out.close()):
             raise OSError(said(out))
 
@@ -178,7 +183,10 @@ def _read(path: str) -> tuple[oiio.ImageSpec, dict, str] | None:
             said(file)
             return None
         digest = _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1), facts)
-        return (spec, facts, digest) if file.format_name() != "png" or _ends(path) else None
+        is_whole = file.format_name() != "png" or _ends(path)
+        if is_whole and spec.tile_width and facts.get(_PIXELS) == digest:
+            is_whole = mip_levels.are_whole(file)
+        return (spec, facts, digest) if is_whole else None
     except (OSError, ValueError, TypeError):
         return None
     finally:

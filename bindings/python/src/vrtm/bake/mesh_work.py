@@ -18,7 +18,7 @@ from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
-from vrtm.bake.outputs import CornerFile, corner_name
+from vrtm.bake.outputs import CornerFile, frame_name
 from vrtm.bake.part import Given, Part, TileWork, parts
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import AUTO, Borders
@@ -139,7 +139,7 @@ class MeshWork:
     def names(self, frame: Frame, pattern: Pattern) -> list[str]:
         names = self._image_names(self.tiles, frame, pattern)
         if self.settings.corner_uvs and self.gains:
-            names.append(os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame)))
+            names.append(os.path.join(self.settings.out, frame_name(pattern, self.shape.name, frame)))
         return names
 
     def _images(self, tile: TileWork) -> Iterator[tuple[outputs.Output | warped.Copy, str]]:
@@ -204,7 +204,7 @@ class MeshWork:
         return facts | {name: value for name, value in further.items() if value}
 
     def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
-        path = os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame))
+        path = os.path.join(self.settings.out, frame_name(pattern, self.shape.name, frame))
         return CornerFile(path, self.common.copy().text(pose).hex())
 
     def check(self, pieces: Sequence[Piece]) -> list[dict | None]:

@@ -38,6 +38,8 @@ class Settings:
     name: str | None = None
     frames: tuple[Frame, ...] | None = None
     tiles: tuple[int, ...] | None = None
+    task: tuple[int, int] | None = None
+    """The number of a farm's task, from 1, and their count."""
     size: int | None = None
     map_size: int | str | None = None
     """`auto`: see `AUTO`."""
@@ -123,7 +125,7 @@ class Settings:
     @property
     def beside(self) -> dict[str, str]:
         """The files besides those below `out`, by their options."""
-        files = {"--layer": self.layer or None, "--root": self.root, "--report": self.report}
+        files = {"--layer": None if self.task else self.layer or None, "--root": self.root, "--report": self.report}
         return {option: path for option, path in files.items() if path is not None}
 
     @property
@@ -131,6 +133,11 @@ class Settings:
         """The layer or archive with what is carried."""
         kind = "abc" if is_alembic(self.carry or self.scene) else "usdc"
         return os.path.join(self.out, f"carried.{kind}") if self.carry_prims else None
+
+    @property
+    def is_unpainted(self) -> bool:
+        """True if nothing says yet what is rigid, and so nothing can be baked."""
+        return self.rigidity is None and self.options.rigidity_primvar is None
 
     @property
     def corner_uvs(self) -> bool:

@@ -15,13 +15,14 @@ import OpenImageIO as oiio
 
 import vrtm
 from vrtm.bake import borders, frames, gain, image_file, not_baked, overwrite, sheet, staging, units, warped
-from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line, unwritable
+from vrtm.bake.failure import DEVICE, DONE, INPUT, Failure, describe, one_line, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.neighbours import Neighbours
+from vrtm.bake.outputs import frame_name
 from vrtm.bake.part import Given, Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
@@ -89,7 +90,7 @@ class Work(contextlib.AbstractContextManager):
             raise Failure(DEVICE, f"--device {settings.device}: {one_line(error)}") from error
 
     def _present_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
-        """The frames to bake, and those of --frames that the scene lacks."""
+        """The frames to bake, and those of --frames that the scene lacks. Raises Failure."""
         settings, scene = self.settings, self.scene
         try:
             found, missing = frames.clamp(settings.frames, scene.frames, scene.has_subframes)
@@ -100,7 +101,23 @@ class Work(contextlib.AbstractContextManager):
             raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
         if settings.freeze is not None and settings.freeze not in found:
             raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(found)}")
+        if settings.task is not None:
+            number, count = settings.task
+            found = found[len(found) * (number - 1) // count : len(found) * number // count]
+            if not found:
+                raise Failure(DONE, f"--task {number}/{count}: no frame is left for it")
         return found, missing
+
+    def lacking(self) -> str:
+        """The frames of the scene that are not of this bake, as the beginning of a sentence; empty if there are
+        none."""
+        there = self.scene.frames
+        lacks = len(there) - sum(isinstance(frame, int) and frame in there for frame in self.frames)
+        if not lacks:
+            return ""
+        # A list of very many is not readable.
+        listed = frames.text(set(there) - set(self.frames)) if len(there) <= frames.MOST else ""
+        return f"{f'frames {listed}' if listed else f'{lacks} frames'} of the scene are not in it"
 
     def _check_shapes(self, still: Sequence[str]) -> None:
         """Raises Failure if no mesh is left to bake, or none has the subsets that are asked for. `still`: the paths of
@@ -116,9 +133,10 @@ class Work(contextlib.AbstractContextManager):
 
     def _known_left_out(self, still: Sequence[str]) -> list[LeftOut]:
         return [
-            *(entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)),
+            # Of the ends of its range that are no frames, those that --frames leaves to the scene.
+            *(entry for entry in self.scene.left_out if not entry.frames or self.settings.frames is None),
             *(LeftOut("nothing deforms there; --meshes can name it", path, meant=True) for path in still),
-            *not_baked.of_frames(self.settings, self.scene.frames, self.frames, self.missing_frames),
+            *not_baked.of_frames(self.settings, self.scene.frames, self.missing_frames),
             *not_baked.of_meshes(self.settings, self.meshes.values()),
         ]
 
@@ -333,7 +351,7 @@ class Work(contextlib.AbstractContextManager):
         return inputs + [(path, option) for option, path in further.items() if path is not None]
 
     def _names(self) -> Iterator[str]:
-        yield from filter(None, [self.settings.carry_file])
+        yield from self.carried_files()
         for mesh in self.meshes.values():
             for frame in self.frames:
                 yield from mesh.names(frame, self.pattern)
@@ -346,6 +364,16 @@ class Work(contextlib.AbstractContextManager):
                 yield from (
                     mesh.path(self.pattern, "basis", k, tile, ending=of) for tile in mesh.tiles for k in numbers
                 )
+
+    def carried_files(self) -> list[str]:
+        """The file with what is carried; in a task of a farm, those of its frames."""
+        whole = self.settings.carry_file
+        if whole is None or self.settings.task is None:
+            return [] if whole is None else [whole]
+        return [self.carried_file(mesh, frame) for mesh in self.meshes for frame in self.frames]
+
+    def carried_file(self, mesh: str, frame: Frame) -> str:
+        return os.path.join(self.settings.out, frame_name(self.pattern, mesh, frame, "carried", ".tif"))
 
     def basis_file(self, mesh: str, ending: str = ".json") -> str:
         """The path of a mesh's weights of basis maps, or of its morph targets."""

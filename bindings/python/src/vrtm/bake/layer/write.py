@@ -35,8 +35,6 @@ class Written:
     """The result of writing a layer."""
 
     warnings: list[str]
-    changes: bool
-    """True if a texture lookup is redirected, or the primvar is there."""
     files: frozenset[str]
     """The files that it names over time, as it names them."""
 
@@ -50,7 +48,7 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
     """
     out_path = os.fspath(out_path)
     manifest = manifest_path(out_path)
-    layer, warnings, changes = redirected(out_path, scene, plan)
+    layer, warnings, _ = redirected(out_path, scene, plan)
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
         for shape in map(scene.shape, plan.shapes):
@@ -59,12 +57,12 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
         write_manifest(manifest)
     mark(layer, "layer", [path for name in plan.shapes for path in scene.shape(name).instances])
     export(layer, out_path, Sdf.Layer.ExportToString)
-    return Written(warnings, changes, frozenset(_named(layer)))
+    return Written(warnings, frozenset(_named(layer)))
 
 
 def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer, list[str], bool]:
     """A layer with redirected materials, which is not written anywhere, less the clips of corner UVs; warnings, and
-    whether it changes the shot. `out_path`: where it would be written."""
+    whether a texture lookup is redirected, or the primvar is there. `out_path`: where it would be written."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
     author = _Author(compose(layer, scene.path, scene.options, muted=out_path), plan)
     prims = Usd.PrimRange.Stage(author.stage, Usd.PrimAllPrimsPredicate)

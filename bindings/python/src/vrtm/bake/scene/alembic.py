@@ -36,7 +36,11 @@ class AlembicSource(PosedSource["AlembicShape"]):
         chosen = self._chosen()
         moving = [mesh for mesh, _ in chosen if mesh.times(options.world)]
         self.clock = self._clocked(moving)
-        self.rate = f"{self.clock.frames:.6g} per second{', as the file has' if options.fps in (None, FILE) else ''}"
+        by_file = options.fps in (None, FILE)
+        odd = self._beside_frames(moving)
+        self.warnings += odd if by_file else []
+        told = [", as the file has"] if by_file else [f"; {line}" for line in odd[:1]]
+        self.rate = f"{self.clock.frames:.6g} per second{''.join(told)}"
         seconds = [mesh.times(options.world) for mesh in moving]
         times = [time for own in seconds for time in (own[0], own[-1])] or [self.clock.time(1)]
         frame = self.clock.frame
@@ -50,7 +54,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
         self._take(list(groups.values()))
 
     def _clocked(self, meshes: list[AlembicMesh]) -> Clock:
-        """The clock of the samples of meshes, with warnings of those that it does not fit."""
+        """The clock of the samples of meshes."""
         world = self.options.world
         rates = [(mesh, *mesh.rate(world)) for mesh in meshes]
         own = Counter(found for _, found, _ in rates if found)
@@ -65,14 +69,19 @@ class AlembicSource(PosedSource["AlembicShape"]):
                 start, end = guessed.times(world)[:2]
                 told = f"its {1 / (end - start):.4g} samples per second are taken for {fps:g} frames"
                 self.warnings.append(f"{guessed.path}: {told}: --fps says otherwise")
-        for mesh, found, _ in rates:
-            path, frames = mesh.path, [second * fps for second in mesh.times(world)]
+        return Clock(1.0, fps)
+
+    def _beside_frames(self, meshes: list[AlembicMesh]) -> list[str]:
+        """A sentence for each mesh whose samples lie between frames."""
+        told, fps, world = [], self.clock.frames, self.options.world
+        for mesh in meshes:
+            found, frames = mesh.rate(world)[0], [second * fps for second in mesh.times(world)]
             if found is not None and not is_whole(max(found / fps, fps / found)):
-                self.warnings.append(f"{path}: it has {found:.4g} samples per second, but there are {fps:g} frames")
+                told.append(f"{mesh.path}: it has {found:.4g} samples per second, but there are {fps:g} frames")
             elif is_between(frames):
                 odd = next(frame for frame in frames if not is_whole(frame))
-                self.warnings.append(f"{path}: at {fps:g} per second, samples lie between frames, such as at {odd:.6g}")
-        return Clock(1.0, fps)
+                told.append(f"{mesh.path}: at {fps:g} per second, samples lie between frames, such as at {odd:.6g}")
+        return told
 
     def _chosen(self) -> list[tuple[AlembicMesh, Any]]:
         options, chosen = self.options, []

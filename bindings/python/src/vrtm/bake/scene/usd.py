@@ -131,10 +131,13 @@ class UsdSource(PosedSource[UsdMesh]):
             return
         for path, at in of.items():
             if (by_codes and codes < _FEW and between[path]) or is_between(at):
+                lost = f"{path}: {len(between[path])} of its {len(at)} samples lie between frames, such as at "
+                lost += f"{between[path][0]:.6g}, and are not baked"
+                if isinstance(self.options.fps, (int, float)) or self.clock.time(1) != 1:
+                    # It is asked for.
+                    self.rate += f"; {lost}"
+                    return
                 found = rate([self.clock.time(frame) / codes for frame in at])
                 asked = f"--fps {found:.6g} counts frames by them" if found else "--fps counts others"
-                self.warnings.append(
-                    f"{path}: {len(between[path])} of its {len(at)} samples lie between frames, such as at "
-                    f"{between[path][0]:.6g}, and are not baked: a second has {codes:g} time codes; {asked}"
-                )
+                self.warnings.append(f"{lost}: a second has {codes:g} time codes; {asked}")
                 return
