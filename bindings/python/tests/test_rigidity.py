@@ -108,6 +108,31 @@ def test_what_stands_out_is_found_on_a_slope(random: np.random.Generator) -> Non
     assert rigidity.of_brightness({1001: studs, 1002: 0.3 * flat})[1002].max() == 0
 
 
+def test_detail_is_where_a_tile_is_drawn_on() -> None:
+    studs, maps = discs(512), {}
+    for size in (512, 1024):
+        stripe = np.full((size, size, 4), 0.5, np.float32)
+        stripe[:, size // 2 :] = 0.9
+        maps[size] = rigidity.fitted(rigidity.of_detail({0: stripe}, ceiling=0.4)[0], (512, 512))
+        assert maps[size][:, 255:257].min() == np.float32(0.4) and maps[size][:, :240].max() == 0
+        assert np.abs(maps[size] - maps[512]).mean() < 1e-3
+        # A contrast that nobody sees.
+        assert rigidity.of_detail({0: 0.5 + stripe / 50})[0].max() == 0
+    coded = rigidity.of_detail({0: stripe})[0]
+    assert np.array_equal(rigidity.of_detail({0: rigidity.light(stripe)}, linear=True)[0], coded)
+    # Nothing is drawn, or in the normal map alone.
+    for shape in ((64, 64), (1, 9, 3), (300, 200, 4)):
+        assert rigidity.of_detail({0: np.full(shape, 0.123, np.float32)})[0].max() == 0
+    flat, turned = np.full((2, 512, 512, 3), 0.5, np.float32)
+    turned[:256, :, 0] = 0.2
+    assert rigidity.of_detail({0: flat}, normals={0: turned})[0][255:257].min() == np.float32(0.3)
+    # Features, and what is close to them, stay as they are; a tile without features has nothing to be held.
+    found = rigidity.of_detail({1001: stripe, 1002: stripe}, {1001: studs, 1002: studs / 3}, ceiling=0.49, margin=4)
+    assert {tuple(values.shape) for values in found.values()} == {(512, 512)}
+    assert found[1001].max() == np.float32(0.49) and found[1002].max() == 0
+    assert found[1001][rigidity.grown(studs, 8) > 0].max() == 0
+
+
 @pytest.fixture
 def skin(tmp_path: Path) -> Path:
     """Two tiles of a texture with golden studs on green skin, and their heights."""
@@ -141,6 +166,32 @@ def test_the_command_writes_a_map_per_tile(skin: Path, source: str, more: tuple[
         map = found[f"rigid.{udim}.png"]
         assert (map.shape, map.dtype) == ((128, 128, 1), np.uint8)
         assert overlap(map[..., 0] / 255, 1 - studs if inverse else studs) > 0.85
+
+
+def test_the_command_adds_detail_to_maps(skin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    studs = {int(name[6:10]): map for name, map in made(skin, "--size", "128").items()}
+    for udim, line in ((1001, 255), (1012, 26)):
+        drawn = np.full((512, 512, 3), 26, np.uint8)
+        drawn[300:, :] = line
+        image(skin / f"drawn.{udim}.png", drawn)
+    rigid = ("--from", "detail", "--and", skin / "out" / "rigid.<UDIM>.png", "--margin", "1")
+    both = made(skin, *rigid, "--out", skin / "out" / "both.<UDIM>.png", source="drawn.<UDIM>.png")
+    for udim, map in studs.items():
+        other = both[f"both.{udim}.png"]
+        assert other.shape == (128, 128, 1) and np.array_equal(other > 127, map > 127)
+        grey = other[(map == 0) & (other > 0)]
+        assert (grey.size > 50, grey.max(initial=0)) == ((True, 76) if udim == 1001 else (False, 0))
+    made(skin, *rigid, "--mask", "--out", skin / "out" / "mask.<UDIM>.png", source="drawn.<UDIM>.png")
+    mask = pixels(skin / "out" / "mask.1001.png")[..., 0]
+    assert mask[75].min() == 0 and mask[:70].min() == 255 and mask[discs(128) > 0].min() == 255
+    # Any maps are joined.
+    image(skin / "square.png", np.pad(np.full((8, 8, 1), 200, np.uint8), ((0, 56), (0, 56), (0, 0))))
+    made(skin, "--and", skin / "square.png", expect=2)
+    assert "square.png: either it and" in capsys.readouterr().err
+    given = ["rigidity", skin / "skin.1001.png", "--and", skin / "square.png", "--out", skin / "one.png"]
+    assert cli.main([str(part) for part in given]) == 0
+    one = pixels(skin / "one.png")[..., 0]
+    assert one.shape == (64, 64) and one[:8, :8].min() >= 200 and one.max() == 255
 
 
 def test_a_map_that_is_there(skin: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,6 +235,11 @@ def test_a_map_of_nothing_is_told(skin: Path, capsys: pytest.CaptureFixture[str]
         (("--from", "colour"), "--from colour: --colour says which"),
         (("--colour", "#ffffff"), "--colour: only with --from colour"),
         (("--feature", "0.1"), "--feature: only with --from height"),
+        (("--mask",), "--mask: only with --from detail"),
+        (("--normal-map", "n.<UDIM>.png"), "--normal-map: only with --from detail"),
+        (("--from", "detail", "--grow", "2"), "--invert, --grow: not with --from detail"),
+        (("--from", "detail", "--ceiling", "0.5"), "'0.5' is not under 0.5"),
+        (("--and", "none.<UDIM>.png"), "none.<UDIM>.png: no such file"),
         (("--from", "colour", "--colour", "#fff000", "--threshold", "0.5"), "--threshold: only with --from brightness"),
         (("--from", "colour", "--colour", "gold"), "'gold' is no colour"),
         (("--from", "colour", "--colour", "1,nan,1"), "'1,nan,1' is no colour"),
