@@ -189,6 +189,28 @@ class Rigidity(Case):
         settings.rigidity_source = "NONE"
         self.assertFalse(bpy.ops.vrtm.change_rigidity.poll())
 
+    def test_detail_is_kept(self):
+        arm = self.arm()
+        settings, keep = arm.object.vrtm, bpy.ops.vrtm.keep_detail
+        self.assertFalse(keep.poll())
+        bpy.ops.vrtm.rigidity_from_texture()
+        before, rigid = self.painted(arm), settings.rigidity_image
+        self.colours[60:][studs(128)[60:] < 0.5] = (0, 0.1, 0, 1)
+        bpy.data.images["colour"].pixels.foreach_set(self.colours.ravel())
+        settings.mask_image = other = bpy.data.images.new("other", 8, 8)
+        self.assertEqual(keep(), {"FINISHED"})
+        self.assertEqual((settings.mask_source, settings.rigidity_image), ("IMAGE", rigid))
+        self.assertTrue(other.use_fake_user)
+        mask = pixels(settings.mask_image)[..., 0]
+        self.assertEqual((mask.min(), mask[before > 0].min(), mask[:50].min()), (0, 1, 1))
+        keep(by="grey")
+        self.assertSame(self.painted(arm)[before > 0], before[before > 0])
+        grey = self.painted(arm)[before == 0]
+        self.assertAlmostEqual(float(grey.max()), 0.3, delta=1 / 255)
+        arm.object.active_material.node_tree.nodes.clear()
+        with self.assertRaisesRegex(RuntimeError, "no Image Texture"):
+            keep()
+
     def test_tiles(self):
         arm = Arm(tiles=2)
         self.assertEqual(bpy.ops.vrtm.new_rigidity(size=64), {"FINISHED"})
@@ -199,6 +221,9 @@ class Rigidity(Case):
         found = part("maps").read_image(arm.object.vrtm.rigidity_image)
         self.assertEqual(sorted(found), [1001, 1002])
         self.assertEqual(min(pixels_[..., 0].min() for pixels_ in found.values()), 1)
+        arm.add_material(albedo=bpy.data.images.new("whole", 64, 64))
+        self.assertEqual(bpy.ops.vrtm.keep_detail(), {"FINISHED"})
+        self.assertEqual(sorted(part("maps").read_image(arm.object.vrtm.mask_image)), [1001, 1002])
         # From a texture with tiles.
         folder = self.scratch()
         texture = arm.paint_tiles(folder, "albedo")

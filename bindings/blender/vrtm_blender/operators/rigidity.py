@@ -222,6 +222,51 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
             self.layout.prop(self, "texels")
 
 
+class VRTM_OT_keep_detail(_OnImage, bpy.types.Operator):
+    """Spare what the texture shows beside rigid parts, such as brows and lips, at the cost of plain skin"""
+
+    bl_idname = "vrtm.keep_detail"
+    bl_label = "Keep Detail"
+
+    by: EnumProperty(
+        name="By",
+        items=[
+            ("mask", "Mask", "Detail is dark in a mask, and stays as the pose has it"),
+            ("grey", "Grey", "Detail is grey in the rigidity, and becomes more as it is at rest"),
+        ],
+    )
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        settings, texture = obj.vrtm, textures.colour_image(obj)
+        if texture is None:
+            raise Problem(f"{obj.name}: its materials have no Image Texture")
+        channel, grey = "RGBA".index(settings.rigidity_channel), self.by == "grey"
+        shown = maps.read_image(texture)
+
+        def change(tiles: Tiles) -> Tiles:
+            rigid = {udim: pixels[..., channel] for udim, pixels in tiles.items()}
+            # An image without tiles is repeated on all of them.
+            pictures = {udim: shown[at] for udim in rigid for at in (udim, None) if at in shown}
+            if not pictures:
+                raise Problem(f"images {texture.name!r} and {settings.rigidity_image.name!r} have no tile in common")
+            ceiling = 0.3 if grey else 1.0
+            found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=ceiling)
+            found = {udim: found.get(udim, 0 * values) for udim, values in rigid.items()}
+            return {
+                udim: np.maximum(values, found[udim]) if grey else 1 - found[udim] for udim, values in rigid.items()
+            }
+
+        image = made_of(obj, settings.rigidity_image, change)
+        if grey:
+            show(obj, image)
+        else:
+            before, image.name = settings.mask_image, f"{obj.name} mask"
+            settings.mask_source, settings.mask_image, settings.mask_channel = "IMAGE", image, "R"
+            keep.keep_image(before)
+            live.touch(obj, mesh=False)
+        return f"{obj.name}: {image.name!r} is the {'rigidity' if grey else 'mask'} now; the one before is as it was"
+
+
 class VRTM_OT_new_rigidity(OnObject, bpy.types.Operator):
     """Make a black rigidity image, in which nothing is rigid yet, to be painted on"""
 
@@ -298,5 +343,6 @@ CLASSES = (
     VRTM_OT_rigidity_from_texture,
     VRTM_OT_rigidity_from_heights,
     VRTM_OT_change_rigidity,
+    VRTM_OT_keep_detail,
     VRTM_OT_pack_maps,
 )
