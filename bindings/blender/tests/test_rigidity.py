@@ -95,6 +95,10 @@ class Rigidity(Case):
         self.assertGreater(overlap(self.painted(arm), studs(128, 1)), 0.8)
         bpy.ops.vrtm.rigidity_from_heights(feature=0.11, sunken=True)
         self.assertLess(overlap(self.painted(arm), studs(128, 1)), 0.1)
+        # Both ways round at once.
+        next(n for n in nodes_of(arm.object.active_material).nodes if n.bl_idname == "ShaderNodeBump").invert = True
+        bpy.ops.vrtm.rigidity_from_heights(feature=0.11, sunken=True)
+        self.assertGreater(overlap(self.painted(arm), studs(128, 1)), 0.8)
         arm.object.data.materials.clear()
         with self.assertRaisesRegex(RuntimeError, "Bump or Displacement"):
             bpy.ops.vrtm.rigidity_from_heights()
@@ -103,8 +107,8 @@ class Rigidity(Case):
         arm = self.arm()
         tree = arm.object.active_material.node_tree
         bump = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBump")
-        height = bump.inputs["Height"].links[0].from_socket
-        expected = studs(128, 1)
+        height, found = bump.inputs["Height"].links[0].from_socket, part("textures").height_image
+        image = height.node.image
 
         def ramp(node):
             node.color_ramp.elements[0].color, node.color_ramp.elements[1].color = (1, 1, 1, 1), (0, 0, 0, 1)
@@ -137,13 +141,7 @@ class Rigidity(Case):
                     change(node)
                 tree.links.new(height, node.inputs[place])
                 tree.links.new(node.outputs[0], bump.inputs["Height"])
-                self.assertEqual(bpy.ops.vrtm.rigidity_from_heights(feature=0.11), {"FINISHED"})
-                self.assertEqual(overlap(self.painted(arm), expected) > 0.8, not turned)
-                # The other way round again.
-                bump.invert = turned
-                bpy.ops.vrtm.rigidity_from_heights(feature=0.11)
-                self.assertGreater(overlap(self.painted(arm), expected), 0.8)
-                bump.invert = False
+                self.assertEqual(found(arm.object), (image, turned))
                 tree.nodes.remove(node)
 
     def test_images_that_nothing_uses_any_more_are_saved(self):
@@ -203,10 +201,6 @@ class Rigidity(Case):
         self.assertTrue(other.use_fake_user)
         mask = pixels(settings.mask_image)[..., 0]
         self.assertEqual((mask.min(), mask[before > 0].min(), mask[:50].min()), (0, 1, 1))
-        keep(by="grey")
-        self.assertSame(self.painted(arm)[before > 0], before[before > 0])
-        grey = self.painted(arm)[before == 0]
-        self.assertAlmostEqual(float(grey.max()), 0.3, delta=1 / 255)
         arm.object.active_material.node_tree.nodes.clear()
         with self.assertRaisesRegex(RuntimeError, "no Image Texture"):
             keep()

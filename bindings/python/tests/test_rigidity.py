@@ -81,14 +81,6 @@ def test_smaller_pictures_are_means(random: np.random.Generator) -> None:
     assert np.abs(rigidity.smaller(values[:3], 8)[0] - values[:3].reshape(3, 8, 4, 4).mean((0, 2))).max() < 1e-6
 
 
-def test_colours() -> None:
-    red = np.zeros((32, 32, 4), np.float32)
-    red[8:20, 8:20] = (0.8, 0.1, 0.1, 1)
-    found = rigidity.of_colour({0: red}, (0.75, 0.15, 0.1), 0.1)[0]
-    assert (found[14, 14], found[2, 2]) == (1, 0)
-    assert rigidity.of_colour({0: red}, (0.1, 0.8, 0.1), 0.1)[0].max() == 0
-
-
 def test_what_stands_out_is_found_on_a_slope(random: np.random.Generator) -> None:
     size = 256
     studs, (rows, columns) = discs(size), np.mgrid[0:size, 0:size] / size

@@ -223,48 +223,33 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
 
 
 class VRTM_OT_keep_detail(_OnImage, bpy.types.Operator):
-    """Spare what the texture shows beside rigid parts, such as brows and lips, at the cost of plain skin"""
+    """Make a mask in which what the texture shows beside rigid parts, such as brows and lips, is dark: it stays as the
+    pose has it, and plain skin gives way to features"""
 
     bl_idname = "vrtm.keep_detail"
     bl_label = "Keep Detail"
 
-    by: EnumProperty(
-        name="By",
-        items=[
-            ("mask", "Mask", "Detail is dark in a mask, and stays as the pose has it"),
-            ("grey", "Grey", "Detail is grey in the rigidity, and becomes more as it is at rest"),
-        ],
-    )
-
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        settings, texture = obj.vrtm, textures.colour_image(obj)
+        settings, texture, before = obj.vrtm, textures.colour_image(obj), obj.vrtm.mask_image
         if texture is None:
             raise Problem(f"{obj.name}: its materials have no Image Texture")
-        channel, grey = "RGBA".index(settings.rigidity_channel), self.by == "grey"
-        shown = maps.read_image(texture)
+        channel, shown = "RGBA".index(settings.rigidity_channel), maps.read_image(texture)
 
         def change(tiles: Tiles) -> Tiles:
             rigid = {udim: pixels[..., channel] for udim, pixels in tiles.items()}
             # An image without tiles is repeated on all of them.
-            pictures = {udim: shown[at] for udim in rigid for at in (udim, None) if at in shown}
-            if not pictures:
-                raise Problem(f"images {texture.name!r} and {settings.rigidity_image.name!r} have no tile in common")
-            ceiling = 0.3 if grey else 1.0
-            found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=ceiling)
-            found = {udim: found.get(udim, 0 * values) for udim, values in rigid.items()}
-            return {
-                udim: np.maximum(values, found[udim]) if grey else 1 - found[udim] for udim, values in rigid.items()
-            }
+            pictures = {udim: shown.get(udim, shown.get(None)) for udim in rigid}
+            if missing := [udim for udim, pixels in pictures.items() if pixels is None]:
+                raise Problem(f"image {texture.name!r} has no tile {missing[0] or 'that is not a UDIM tile'}")
+            found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=1.0)
+            return {udim: 1 - values for udim, values in found.items()}
 
         image = made_of(obj, settings.rigidity_image, change)
-        if grey:
-            show(obj, image)
-        else:
-            before, image.name = settings.mask_image, f"{obj.name} mask"
-            settings.mask_source, settings.mask_image, settings.mask_channel = "IMAGE", image, "R"
-            keep.keep_image(before)
-            live.touch(obj, mesh=False)
-        return f"{obj.name}: {image.name!r} is the {'rigidity' if grey else 'mask'} now; the one before is as it was"
+        image.name = f"{obj.name} mask"
+        settings.mask_source, settings.mask_image, settings.mask_channel = "IMAGE", image, "R"
+        keep.keep_image(before)
+        live.touch(obj, mesh=False)
+        return f"{obj.name}: {image.name!r} is the mask now; the one before is as it was"
 
 
 class VRTM_OT_new_rigidity(OnObject, bpy.types.Operator):
