@@ -37,8 +37,9 @@ def smaller(pixels: np.ndarray, size: int) -> np.ndarray:
     """A picture with at most `size` texels on its longer side: means of whole blocks."""
     block = -(-max(pixels.shape[:2]) // size)
     (height, rows), (width, columns) = ((n // min(block, n), min(block, n)) for n in pixels.shape[:2])
-    blocks = pixels[: height * rows, : width * columns].reshape(height, rows, width, columns, -1)
-    return blocks.mean((1, 3), dtype=np.float32).reshape(height, width, *pixels.shape[2:])
+    # Along whole rows first: that is several times as fast.
+    lines = pixels[: height * rows, : width * columns].reshape(height, rows, -1).mean(1, dtype=np.float32)
+    return lines.reshape(height, width, columns, -1).mean(2).reshape(height, width, *pixels.shape[2:])
 
 
 def otsu(*pictures: np.ndarray) -> float:
