@@ -173,6 +173,15 @@ def test_the_command_adds_detail_to_maps(skin: Path, capsys: pytest.CaptureFixtu
         assert other.shape == (128, 128, 1) and np.array_equal(other > 127, map > 127)
         grey = other[(map == 0) & (other > 0)]
         assert (grey.size > 50, grey.max(initial=0)) == ((True, 76) if udim == 1001 else (False, 0))
+    # Nor is grey beside less rigid features one of them; a tile is not lost.
+    for udim in (1001, 1003):
+        image(skin / f"soft.{udim}.png", (studs[1001] * 0.6).astype(np.uint8))
+    soft = ("--from", "detail", "--and", skin / "soft.<UDIM>.png", "--margin", "1")
+    made(skin, *soft, expect=2)
+    assert "soft.1003.png: " in capsys.readouterr().err
+    (skin / "soft.1003.png").unlink()
+    both = made(skin, *soft, "--out", skin / "out" / "soft.<UDIM>.png", source="drawn.<UDIM>.png")
+    assert both["soft.1001.png"][studs[1001] == 0].max() == 46
     made(skin, *rigid, "--mask", "--out", skin / "out" / "mask.<UDIM>.png", source="drawn.<UDIM>.png")
     mask = pixels(skin / "out" / "mask.1001.png")[..., 0]
     assert mask[75].min() == 0 and mask[:70].min() == 255 and mask[discs(128) > 0].min() == 255

@@ -43,6 +43,8 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
         if pattern and tokens.has_tile(pattern) != tokens.has_tile(parsed.image):
             raise Failure(INPUT, f"{name} {pattern}: either it and {parsed.image} have <UDIM>, or none of them")
     painted, bumps = (_found(pattern) if pattern else {} for pattern in (parsed.also, parsed.normal_map))
+    if lost := sorted(painted.keys() - paths):
+        raise Failure(INPUT, f"--and {painted[lost[0]]}: {parsed.image} has no such tile")
     outputs = {udim: tokens.tiled(parsed.out, udim) for udim in paths}
     read = [(path, "a picture") for found in (paths, painted, bumps) for path in found.values()]
     overwrite.check([(path, "--out") for path in outputs.values()], read, parsed.overwrite)
@@ -81,6 +83,8 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
         for udim, values in maps.items():
             values = np.clip(rigidity.changed(values, parsed.invert or parsed.mask, parsed.grow), 0, 1)
             if udim in features and not parsed.mask:
+                # A solve takes what is over half of the largest rigidity for features.
+                values *= features[udim].max() if parsed.source == "detail" else 1
                 values = np.maximum(rigidity.fitted(values, features[udim].shape), features[udim])
             maps[udim] = values
         _write(parsed, maps, targets, console)
