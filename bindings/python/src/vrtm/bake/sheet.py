@@ -1,8 +1,6 @@
 """A picture of a mesh to judge a bake by: at rest, in a pose with its own UVs and with redirected ones, and the strain
 of what is rigid."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os
@@ -70,7 +68,7 @@ def write(mesh: MeshWork, frame: Frame, positions: np.ndarray, file: str, stop: 
     return True
 
 
-def _drawn(surface: _Surface, title: str, stop: Callable[[], None]) -> np.ndarray:
+def _drawn(surface: "_Surface", title: str, stop: Callable[[], None]) -> np.ndarray:
     camera = surface.camera()
     height = int(_WIDTH * np.clip(camera.aspect, 0.6, 1.15))
     sheet = np.empty((_BAR + 2 * (_LABEL + height) + _GAP, 3 * _WIDTH + 4 * _GAP, 3), np.float32)

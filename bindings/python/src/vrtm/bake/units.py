@@ -5,8 +5,6 @@ the rest is in another unit, or the whole mesh has another size on purpose: in b
 grown along, and the rest is scaled. A factor that changes from frame to frame is an animation.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
@@ -50,7 +48,7 @@ class Lengths:
         """The factor of the whole mesh."""
         return self.factor if self.share >= _RIGID else self.median
 
-    def over(self, factor: float) -> Lengths:
+    def over(self, factor: float) -> "Lengths":
         """The same against a rest that is scaled."""
         return Lengths(self.median / factor, self.factor / factor, self.share)
 

@@ -4,8 +4,6 @@ Neighbouring texel centres a and b of the map lie on the surface where the mesh'
 R(a) and R(b). What is painted from R(a) to R(b) had the chord between these points at rest, and has that from a to b
 in the pose. Its strain is the pose's chord over the rest's, minus 1. Both are located in the triangles exactly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +31,7 @@ class Strain:
     """Segments that the map leads out of their chart, which are left out."""
 
     @staticmethod
-    def of(values: np.ndarray, lost: int = 0) -> Strain:
+    def of(values: np.ndarray, lost: int = 0) -> "Strain":
         """Summary of the strains of segments, of one tile or several."""
         size = np.abs(values)
         if not len(size):

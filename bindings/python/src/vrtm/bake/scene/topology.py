@@ -134,18 +134,16 @@ def outside(uvs: np.ndarray, uv_indices: np.ndarray) -> str:
     uvs = uvs[np.unique(uv_indices[uv_indices >= 0])].astype(np.float64)
     uvs = uvs[np.isfinite(uvs).all(axis=-1)]
     beyond = uvs[((uvs < 0) | (uvs > TILES)).any(axis=-1)]
-    low, high = (found(beyond, axis=0) for found in (np.min, np.max)) if len(beyond) else (np.zeros(2), np.zeros(2))
-    lies = f"u from {low[0]:.4g} to {high[0]:.4g}, v from {low[1]:.4g} to {high[1]:.4g}, and " if len(beyond) else ""
-    reasons = [
-        text
-        for is_so, text in (
-            (high[0] > TILES[0], f"u of {TILES[0]} and more has no number"),
-            (low.min() < 0, "there are none below 0"),
-            (high[1] > TILES[1], f"none is read above a v of {TILES[1]}"),
-        )
-        if is_so
-    ]
-    return lies + ("; ".join(reasons) or f"tiles have numbers where u is 0 to {TILES[0]} and v is 0 to {TILES[1]}")
+    if not len(beyond):
+        return f"tiles have numbers where u is 0 to {TILES[0]} and v is 0 to {TILES[1]}"
+    low, high = beyond.min(axis=0), beyond.max(axis=0)
+    reasons = (
+        (high[0] > TILES[0], f"u of {TILES[0]} and more has no number"),
+        (low.min() < 0, "there are none below 0"),
+        (high[1] > TILES[1], f"none is read above a v of {TILES[1]}"),
+    )
+    lies = f"u from {low[0]:.4g} to {high[0]:.4g}, v from {low[1]:.4g} to {high[1]:.4g}"
+    return f"{lies}, and {'; '.join(text for is_so, text in reasons if is_so)}"
 
 
 def luminance(colours: np.ndarray) -> np.ndarray:
