@@ -274,7 +274,8 @@ class _Surface:
         if looked.texture is not None:
             return _at(looked.texture, uv)
         # The side of the tile in the picture, about, and squares of one size on all meshes.
-        side = scale * np.median(_area(self.metrics[0][self.owner == number])) ** 0.5
+        uu, uv_, vv = self.metrics[0][self.owner == number].T
+        side = scale * np.median(np.sqrt((uu * vv - uv_ * uv_).clip(0))) ** 0.5
         squares = np.floor(uv * 2 ** max(round(np.log2(max(side / _SQUARE, 1))), 2)).sum(1)[:, None] % 2
         return mix(mix(*_SKIN, squares), mix(*_STUD, squares), _step(0.25, 0.4, _at(looked.rigidity, uv)))
 
@@ -311,11 +312,6 @@ def _strain(rest: np.ndarray, pose: np.ndarray, rigid: np.ndarray) -> np.ndarray
     root = np.sqrt((half * half - (p[0] * p[2] - p[1] * p[1]) / det).clip(0))
     found = np.stack([np.sqrt((half + root).clip(0)) - 1, 1 - np.sqrt((half - root).clip(0))], -1).clip(0)
     return np.where(share[..., None] > 1e-3, found, 0)
-
-
-def _area(metrics: np.ndarray) -> np.ndarray:
-    """Surface area per area of UV."""
-    return np.sqrt((metrics[:, 0] * metrics[:, 2] - metrics[:, 1] ** 2).clip(0))
 
 
 def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:

@@ -58,7 +58,9 @@ class Ruler:
         depth = np.zeros((*self.corners.shape[:2], 1))
         self.under, self.weights = cover(np.concatenate([self.corners, depth], -1), (self.width, self.height))
         self.rigid = rigidity > RIGID * rigidity.max()
-        self.charts = _charts(triangles)
+        # Of each triangle, a number for those that hang together with it in UV.
+        ends = (triangles[:, sides].ravel() for sides in ([0, 1], [1, 2]))
+        self.charts = connected(triangles.max(initial=0) + 1, *ends)[triangles[:, 0]]
 
     def strains(self, delta: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, int]:
         """The strain of each segment of the map `UV + delta`, (height, width, 2), in a pose, and how many are lost.
@@ -111,9 +113,3 @@ class Ruler:
 
 def _on(positions: np.ndarray, vertices: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.einsum("tkc,tk->tc", positions.astype(np.float64)[vertices], weights)
-
-
-def _charts(triangles: np.ndarray) -> np.ndarray:
-    """(triangles,): a number per set of triangles that hang together in UV."""
-    ends = (triangles[:, sides].ravel() for sides in ([0, 1], [1, 2]))
-    return connected(triangles.max(initial=0) + 1, *ends)[triangles[:, 0]]
