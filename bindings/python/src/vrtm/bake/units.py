@@ -159,10 +159,9 @@ class Units:
         least, most = (pick(entry.size for entry in found) for pick in (min, max))
         where = f"at rest (the rest is from {self._shape.rest_from})"
         if factor is not None:
-            scale = float(f"{self._scale * factor:.6g}")
-            self._scale = scale
+            self._scale = float(f"{self._scale * factor:.6g}")
             return Finding(
-                scale,
+                self._scale,
                 "by the lengths of its edges",
                 f"all of its edges are {factor:.6g} times as long as {where} in all frames: this is another unit, "
                 "or another size, and no deformation, so that the rest is scaled by it; --allow-units leaves it",
