@@ -1,7 +1,5 @@
 """The console command `vrtm`."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex
@@ -80,7 +78,7 @@ def _run(given: list[str]) -> int:
     return _work(parsed, arguments.settings(bake, parsed) if parsed.command == "bake" else None)
 
 
-def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
+def _work(parsed: argparse.Namespace, settings: "Settings | None") -> int:
     """Runs a command that reads scenes or images, and heeds signals."""
     from vrtm.bake.console import Console
     from vrtm.bake.failure import DONE, describe

@@ -110,16 +110,14 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
             return None
         reason = "its pixels, or its figures, are not those that vrtm wrote: --overwrite replaces it"
         raise Failure(INPUT, f"{target.path}: {reason}")
-    # One without is another program's, or of another of vrtm's programs.
-    if _PIXELS not in facts:
-        return None
-    if target.width and (spec.width, spec.height) != (target.width, target.height):
-        return None
-    if (spec.nchannels, str(spec.format)) != (len(target.channels), _TYPES[target.dtype]):
-        return None
-    if target.format == "openexr" and tuple(spec.channelnames) != target.channels:
-        return None
-    if any(str(facts.get(name)) != str(value) for name, value in target.facts.items()):
+    if (
+        # One without is another program's, or of another of vrtm's programs.
+        _PIXELS not in facts
+        or (target.width and (spec.width, spec.height) != (target.width, target.height))
+        or (spec.nchannels, str(spec.format)) != (len(target.channels), _TYPES[target.dtype])
+        or (target.format == "openexr" and tuple(spec.channelnames) != target.channels)
+        or any(str(facts.get(name)) != str(value) for name, value in target.facts.items())
+    ):
         return None
     try:
         return json.loads(facts.get(_FIGURES, "{}"))

@@ -1,7 +1,5 @@
 """Rows of the report: of a tile, its strain and its map, and of files."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os
@@ -28,7 +26,7 @@ class Strain:
     """True if something is rigid, and no segment is."""
 
     @staticmethod
-    def of(told: dict) -> Strain:
+    def of(told: dict) -> "Strain":
         """The strain of a tile, from its row."""
         return Strain(told["segments"], told["before"]["rms"], told["after"]["rms"], told.get("unmeasured", False))
 

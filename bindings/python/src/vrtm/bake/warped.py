@@ -6,8 +6,6 @@ What J adds to that is the ellipse of the covariance J Jt - 1, less what is nega
 that, and averaged. The more the texture is squeezed, the more samples.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import re
@@ -55,7 +53,7 @@ class Copy:
     down: bool
     """True if green grows against v."""
 
-    def read(self, path: str) -> Texture:
+    def read(self, path: str) -> "Texture":
         """Reads a texture. Raises SceneError, Failure."""
         texture = read(path)
         if self.is_normal and len(texture.channels) < 3:

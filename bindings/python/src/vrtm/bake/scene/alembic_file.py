@@ -1,7 +1,5 @@
 """Archives of Alembic, through the wheel alembic3d: polygon meshes and subdivision surfaces, with their samples."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os
@@ -75,14 +73,14 @@ class AlembicFile:
         """The text that the archive was written with; empty if there is none."""
         return self.top.getMetaData().get("_ai_Description")
 
-    def meshes(self) -> Iterator[AlembicMesh]:
+    def meshes(self) -> "Iterator[AlembicMesh]":
         """All meshes, in the order of the file."""
         self.unread: list[str] = []
         yield from self._below(self.top)
 
     def _below(
         self, parent: Any, above: tuple[Any, ...] = (), hidden: bool = False, origin: str = ""
-    ) -> Iterator[AlembicMesh]:
+    ) -> "Iterator[AlembicMesh]":
         for number in range(parent.getNumChildren()):
             child = parent.getChild(number)
             name = child.getName()
