@@ -99,9 +99,9 @@ def test_what_usd_says_is_told_once_and_in_the_list(tmp_path: Path, capfd: pytes
     del stage
     capfd.readouterr()
     report = tmp_path / "report.json"
-    arguments = sheet_arguments(scene, tmp_path / "out", "--report", report, "--jobs", 1, "--tiles", 1001)
-    arguments += ["--layer", tmp_path / "over.usda", "--layer-mode", "texture"]
-    cli.main(list(map(str, arguments)))
+    arguments = sheet_arguments(scene, tmp_path / "out", "--report", report, "--jobs", 1)
+    arguments += ["--layer", tmp_path / "over.usda", "--layer-mode", "primvar"]
+    assert cli.main(list(map(str, arguments))) == 0
     said = capfd.readouterr()
     expected = {
         "/model/hair": "USD: Could not open asset @",
