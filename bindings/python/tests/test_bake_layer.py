@@ -47,15 +47,6 @@ def test_corner_uvs_are_up_to_date_or_made_anew(scene: Path, tmp_path: Path) -> 
         corners.write_bytes(damage)
         assert written(run(*sheet_arguments(scene, maps, *options))) == (1, 5)
         assert files(tmp_path) == before
-    # Of another process, and as tasks of a farm: frames by themselves, then the layer alone.
-    parts = tmp_path / "parts" / "maps"
-    parts.mkdir(parents=True)
-    rest = ("--form", "udim", "--layer", parts.parent / "redirect.usda", "--layer-mode", "primvar")
-    for frame in (2, 1):
-        run(*sheet_arguments(scene, parts, *rest, "--frames", frame))
-    run(*sheet_arguments(scene, parts, *rest, "--frames", "1-2", "--only-layer"))
-    found = files(parts.parent)
-    assert found == {name: content for name, content in before.items() if not name.startswith("parts")}
 
 
 def test_wrong_layers(scene: Path, tmp_path: Path) -> None:

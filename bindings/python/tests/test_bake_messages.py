@@ -116,12 +116,10 @@ def test_a_dry_run_tells_and_writes_nothing(scene: Path, tmp_path: Path) -> None
         assert words in told, f"'{words}' in {told}"
     assert "--tiles" in run(*sheet_arguments(scene, out, "--dry-run", "--tiles", 1050), expect=2).stderr
     # Whoever is to paint the maps has to know the tiles.
-    for size, cells in (("by the features", "as the rigidity map"), ("32 x 32", "32 x 32")):
-        sizes = ("--size", 32) if size == "32 x 32" else ()
-        told = run("bake", scene, "--dry-run", "--device", "cpu", "--out", out, *sizes)
-        lines = [f"  tile {udim}: grid {size}, maps {cells}, no rigidity" for udim in (1001, 1002)]
-        assert [line for line in told.stdout.splitlines() if "tile" in line] == lines, told.stdout
-        assert "frames: 1-5 of 1-5\n/model/sheet: UV set st" in told.stdout and "not baked" not in told.stdout
+    for size, which in (("auto", "grid by the features, maps as the rigidity map"), (32, "grid 32 x 32, maps 32 x 32")):
+        told = run("bake", scene, "--dry-run", "--device", "cpu", "--out", out, "--size", size).stdout
+        lines = "\n".join(f"  tile {udim}: {which}, no rigidity" for udim in (1001, 1002))
+        assert f"frames: 1-5 of 1-5\n/model/sheet: UV set st, 162 vertices, rest: Pref\n{lines}\nfiles" in told, told
     assert not out.exists()
 
 
