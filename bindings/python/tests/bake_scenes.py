@@ -19,7 +19,7 @@ import vrtm
 from conftest import centres, grid
 from vrtm.bake import warped
 from vrtm.bake.scene import Scene, SceneOptions, Shape
-from vrtm.bake.scene.images import read_map
+from vrtm.bake.scene.images import read_map, texels_of
 from vrtm.bake.settings import Settings
 from vrtm.bake.work import Work
 from vrtm.cli import main
@@ -123,12 +123,7 @@ def flat(path: Path, value: int = 255, size: int = 16) -> Path:
 
 def pixels(path: Path) -> np.ndarray:
     """(height, width, channels) as they are stored."""
-    config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    file = oiio.ImageInput.open(str(path), config)
-    assert file is not None, oiio.geterror()
-    spec = file.spec()
-    return np.asarray(file.read_image(spec.format)).reshape(spec.height, spec.width, spec.nchannels)
+    return texels_of(str(path))[1]
 
 
 def attributes(path: Path) -> dict[str, object]:
