@@ -43,7 +43,7 @@ def refused(arguments: list[object], *words: object) -> None:
 
 def test_inputs_are_never_replaced(shot: Path) -> None:
     folder = shot.parent
-    out, maps = folder / "out", folder / "rigid.<UDIM>.png"
+    out = folder / "out"
     textures = ("--texture", folder / "colour.<UDIM>.png", "--frames", 1, "--name", "<kind>.<UDIM>.exr")
     for more, words in [
         (("--layer", shot), ("--layer", "shot.usda", "the scene")),
@@ -80,10 +80,8 @@ def test_inputs_are_never_replaced(shot: Path) -> None:
     # Maps that are read and maps that are written by one name.
     for udim in (1001, 1002):
         image(folder / f"redirect.{udim}.exr", np.zeros((8, 8, 3), np.float32))
-    assert not (folder / "redirect.1003.exr").exists()
     arguments = ["bake", shot, "--rigidity", folder / "redirect.<UDIM>.exr", "--out", folder, *textures[2:]]
     refused([*arguments, "--overwrite"], "redirect.1001.exr", "--rigidity")
-    assert maps.parent == folder
 
 
 def test_an_obj_and_its_poses_are_never_replaced(tmp_path: Path) -> None:
