@@ -18,6 +18,12 @@ def test_reports(asset, model):
     # The stretched half's studs lose most of their strain.
     assert tile.before.rms > 0.1 and tile.after.rms < 0.2 * tile.before.rms
     assert tile.energy < tile.energy_before
+    # They are shown as tables.
+    lines = repr(report).splitlines()
+    assert lines[0] == "AssetReport" and len(lines) == 1 + len(dataclasses.fields(report))
+    assert lines[1].split() == ["tiles", "1"] and dict(tile.rows())["before.rms"] == f"{tile.before.rms:.6g}"
+    # Settings are written as they are made.
+    assert eval(repr(asset.tile(1001).settings), vars(vrtm)) == asset.tile(1001).settings
 
 
 def test_options_reach_the_library(asset, model):
@@ -101,14 +107,3 @@ def test_gpu_agrees(model):
             results.append(asset.redirect(model.pose, asset.tiles)[0])
     assert device.closed
     assert np.abs(results[0] - results[1]).max() < 1e-3
-
-
-def test_reports_are_tables(asset, model):
-    report = asset.solve(model.pose, measure=True)
-    lines = repr(report).splitlines()
-    assert lines[0] == "AssetReport" and len(lines) == 1 + len(dataclasses.fields(report))
-    assert lines[1].split() == ["tiles", "1"]
-    tile = asset.tile(1001).report()
-    assert dict(tile.rows())["before.rms"] == f"{tile.before.rms:.6g}"
-    # Settings are written as they are made.
-    assert eval(repr(asset.tile(1001).settings), vars(vrtm)) == asset.tile(1001).settings

@@ -18,6 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command line and returns its exit code: 0 done, 2 bad input, 3 not within tolerance, 4 device, 128 + a
     signal's number if it was ended by one."""
     from vrtm.bake import console
+    from vrtm.bake.failure import describe
 
     if arguments is None:
         _ensure_utf8()
@@ -27,6 +28,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console.keep_streams_open()
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
+    except OSError as error:
+        # Of the template, whose reader needs all of it.
+        failure = describe(error, "stdout")
+        console.Console().error(failure.message)
+        return failure.code
     except KeyboardInterrupt:
         # While the arguments are read; `bake`, `dilate` and `rigidity` handle signals themselves.
         console.Console().error("ended by SIGINT")
@@ -72,7 +78,11 @@ def _run(given: list[str]) -> int:
     if parsed.command == "farm-template":
         if parsed.slurm and (parsed.no_layer or parsed.carry):
             template.error("--slurm takes what to write from the options of the bake")
-        return _template(parsed)
+        from vrtm import farm
+
+        text = farm.slurm() if parsed.slurm else farm.template(not parsed.no_layer, parsed.carry)
+        print(text, end="", flush=True)
+        return 0
     if parsed.command == "devices":
         return _devices()
     return _work(parsed, arguments.settings(bake, parsed) if parsed.command == "bake" else None)
@@ -104,21 +114,6 @@ def _work(parsed: argparse.Namespace, settings: "Settings | None") -> int:
             failure = describe(error)
             console.error(failure.message)
             return failure.code
-
-
-def _template(parsed: argparse.Namespace) -> int:
-    from vrtm import farm
-    from vrtm.bake.console import Console
-    from vrtm.bake.failure import describe
-
-    try:
-        text = farm.slurm() if parsed.slurm else farm.template(not parsed.no_layer, parsed.carry)
-        print(text, end="", flush=True)
-    except OSError as error:
-        failure = describe(error, "stdout")
-        Console().error(failure.message)
-        return failure.code
-    return 0
 
 
 def _devices() -> int:

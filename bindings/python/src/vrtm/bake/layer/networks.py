@@ -185,8 +185,7 @@ class Redirector:
         if self._plan.map_path is None and self._plan.corner_path is None:
             self._warn(image, "has no redirection maps: it stays as it is")
             return False
-        coordinates = [image.GetInput(name) for name in MTLX_COORDINATES if image.GetInput(name)]
-        plug = coordinates[0] if coordinates else None
+        plug = next(filter(None, map(image.GetInput, MTLX_COORDINATES)), None)
         unplugged = plug is None or (not plug.HasConnectedSource() and plug.Get() is None)
         if unplugged and self._is_default:
             # MaterialX takes the mesh's default UVs then.
