@@ -11,8 +11,6 @@ The header is plain C without conditions that matter here, so no preprocessor is
 cut out, and pycparser reads the rest.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import textwrap

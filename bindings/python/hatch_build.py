@@ -10,8 +10,6 @@ Variables:
     VRTM_REPOSITORY       the repository's address, for the links of the wheel's description: without it they are text
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Platform of a shared library, as the tags of wheels name it, and the library's name in the package there."""
 
-from __future__ import annotations
-
 import re
 import struct
 from pathlib import Path

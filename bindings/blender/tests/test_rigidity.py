@@ -95,6 +95,10 @@ class Rigidity(Case):
         self.assertGreater(overlap(self.painted(arm), studs(128, 1)), 0.8)
         bpy.ops.vrtm.rigidity_from_heights(feature=0.11, sunken=True)
         self.assertLess(overlap(self.painted(arm), studs(128, 1)), 0.1)
+        # Both ways round at once.
+        next(n for n in nodes_of(arm.object.active_material).nodes if n.bl_idname == "ShaderNodeBump").invert = True
+        bpy.ops.vrtm.rigidity_from_heights(feature=0.11, sunken=True)
+        self.assertGreater(overlap(self.painted(arm), studs(128, 1)), 0.8)
         arm.object.data.materials.clear()
         with self.assertRaisesRegex(RuntimeError, "Bump or Displacement"):
             bpy.ops.vrtm.rigidity_from_heights()
@@ -103,8 +107,8 @@ class Rigidity(Case):
         arm = self.arm()
         tree = arm.object.active_material.node_tree
         bump = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBump")
-        height = bump.inputs["Height"].links[0].from_socket
-        expected = studs(128, 1)
+        height, found = bump.inputs["Height"].links[0].from_socket, part("textures").height_image
+        image = height.node.image
 
         def ramp(node):
             node.color_ramp.elements[0].color, node.color_ramp.elements[1].color = (1, 1, 1, 1), (0, 0, 0, 1)
@@ -137,13 +141,7 @@ class Rigidity(Case):
                     change(node)
                 tree.links.new(height, node.inputs[place])
                 tree.links.new(node.outputs[0], bump.inputs["Height"])
-                self.assertEqual(bpy.ops.vrtm.rigidity_from_heights(feature=0.11), {"FINISHED"})
-                self.assertEqual(overlap(self.painted(arm), expected) > 0.8, not turned)
-                # The other way round again.
-                bump.invert = turned
-                bpy.ops.vrtm.rigidity_from_heights(feature=0.11)
-                self.assertGreater(overlap(self.painted(arm), expected), 0.8)
-                bump.invert = False
+                self.assertEqual(found(arm.object), (image, turned))
                 tree.nodes.remove(node)
 
     def test_images_that_nothing_uses_any_more_are_saved(self):
@@ -189,6 +187,24 @@ class Rigidity(Case):
         settings.rigidity_source = "NONE"
         self.assertFalse(bpy.ops.vrtm.change_rigidity.poll())
 
+    def test_detail_is_kept(self):
+        arm = self.arm()
+        settings, keep = arm.object.vrtm, bpy.ops.vrtm.keep_detail
+        self.assertFalse(keep.poll())
+        bpy.ops.vrtm.rigidity_from_texture()
+        before, rigid = self.painted(arm), settings.rigidity_image
+        self.colours[60:][studs(128)[60:] < 0.5] = (0, 0.1, 0, 1)
+        bpy.data.images["colour"].pixels.foreach_set(self.colours.ravel())
+        settings.mask_image = other = bpy.data.images.new("other", 8, 8)
+        self.assertEqual(keep(), {"FINISHED"})
+        self.assertEqual((settings.mask_source, settings.rigidity_image), ("IMAGE", rigid))
+        self.assertTrue(other.use_fake_user)
+        mask = pixels(settings.mask_image)[..., 0]
+        self.assertEqual((mask.min(), mask[before > 0].min(), mask[:50].min()), (0, 1, 1))
+        arm.object.active_material.node_tree.nodes.clear()
+        with self.assertRaisesRegex(RuntimeError, "no Image Texture"):
+            keep()
+
     def test_tiles(self):
         arm = Arm(tiles=2)
         self.assertEqual(bpy.ops.vrtm.new_rigidity(size=64), {"FINISHED"})
@@ -199,6 +215,9 @@ class Rigidity(Case):
         found = part("maps").read_image(arm.object.vrtm.rigidity_image)
         self.assertEqual(sorted(found), [1001, 1002])
         self.assertEqual(min(pixels_[..., 0].min() for pixels_ in found.values()), 1)
+        arm.add_material(albedo=bpy.data.images.new("whole", 64, 64))
+        self.assertEqual(bpy.ops.vrtm.keep_detail(), {"FINISHED"})
+        self.assertEqual(sorted(part("maps").read_image(arm.object.vrtm.mask_image)), [1001, 1002])
         # From a texture with tiles.
         folder = self.scratch()
         texture = arm.paint_tiles(folder, "albedo")

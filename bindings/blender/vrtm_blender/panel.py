@@ -211,6 +211,7 @@ class VRTM_MT_rigidity(bpy.types.Menu):
         layout.separator()
         for how in ("invert", "grow", "shrink"):
             layout.operator("vrtm.change_rigidity", text=how.capitalize()).how = how
+        layout.operator("vrtm.keep_detail")
         layout.separator()
         layout.operator("vrtm.pack_maps", icon="PACKAGE")
 

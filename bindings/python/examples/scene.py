@@ -4,8 +4,6 @@ An arm with studs that bends in 24 frames, as USD with a material, with its text
 FOLDER/arm.usda, colour.1001.png, rigid.1001.png. Needs pip install './bindings/python[bake]'.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -12,7 +12,7 @@ from unittest import mock
 
 import numpy as np
 import OpenImageIO as oiio
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 import scenes
 import vrtm
@@ -121,14 +121,16 @@ def flat(path: Path, value: int = 255, size: int = 16) -> Path:
     return image(path, np.full((size, size, 1), value, np.uint8))
 
 
-def pixels(path: Path) -> np.ndarray:
-    """(height, width, channels) as they are stored."""
+def pixels(path: Path, level: int = 0) -> np.ndarray:
+    """(height, width, channels) as they are stored. `level`: of the mip levels of a tiled texture."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(str(path), config)
-    assert file is not None, oiio.geterror()
+    assert file is not None and file.seek_subimage(0, level), oiio.geterror()
     spec = file.spec()
-    return np.asarray(file.read_image(spec.format)).reshape(spec.height, spec.width, spec.nchannels)
+    assert level == 0 or spec.tile_width
+    pixels = file.read_image(0, level, 0, spec.nchannels, spec.format)
+    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
 
 
 def attributes(path: Path) -> dict[str, object]:
@@ -157,6 +159,14 @@ def sheet(folder: Path, frames: int = 5, cells: int = 8) -> Path:
         image(folder / f"rigid.{udim}.png", studs[..., None])
         image(folder / f"colour.{udim}.png", np.stack([255 * u, 255 * (1 - v), studs], -1).astype(np.uint8))
     return folder / "sheet.usda"
+
+
+def with_copies(scene: Path, *names: str) -> Usd.Stage:
+    """The stage of a scene, which is not saved, with copies of the sheet by these names."""
+    stage = Usd.Stage.Open(str(scene))
+    for name in names:
+        Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), f"/model/{name}")
+    return stage
 
 
 def with_material(folder: Path, make=scenes.materialx_material, frames: int = 3, cells: int = 4) -> Path:

@@ -1,7 +1,7 @@
 """Fixtures and arrays that several tests share: a device, a sheet with painted studs, and its poses."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +19,12 @@ LONG = os.environ.get("VRTM_LONG_TESTS") == "1"
 def device() -> Iterator[vrtm.Device]:
     with vrtm.Device("cpu") as device:
         yield device
+
+
+def refused(kind: type | tuple, words: str, function: Callable, *arguments: object, **named: object) -> None:
+    """Checks that a call raises an exception of a kind, in whose message a pattern, if any, is found."""
+    with pytest.raises(kind, match=words or None):
+        function(*arguments, **named)
 
 
 def grid(columns: int, rows: int | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -196,5 +196,4 @@ def shader(made: Usd.Stage, path: str, name: str) -> UsdShade.Shader:
 
 def bind(prim: Usd.Prim | UsdGeom.Imageable, material: UsdShade.Material) -> None:
     """Binds a material to a prim."""
-    prim = prim if isinstance(prim, Usd.Prim) else prim.GetPrim()
-    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+    UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(material)

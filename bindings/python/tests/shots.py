@@ -1,6 +1,5 @@
 """A shot, a bake's layer over it, what a renderer would resolve of both, and USD's own validation of it."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -67,13 +66,12 @@ def corner_uvs(shape, frame: float) -> np.ndarray:
 
 
 def composed(folder: Path, file: str = "shot.usda") -> Usd.Stage:
-    """The shot with the layer sublayered over it, as a user would do it; also as final.usda."""
+    """The shot with the layer sublayered over it, as a user would do it."""
     root = Sdf.Layer.CreateAnonymous(".usda")
     below = Sdf.Layer.FindOrOpen(str(folder / file))
     for name in ("timeCodesPerSecond", "framesPerSecond"):
         root.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
     root.subLayerPaths = [str(folder / "over.usda"), str(folder / file)]
-    root.Export(str(folder / "final.usda"))
     # A stage with an earlier layer may still be open.
     Sdf.Layer.FindOrOpen(str(folder / "over.usda")).Reload(force=True)
     OPEN[:] = [Usd.Stage.Open(root)]
@@ -103,20 +101,15 @@ def checked(folder: Path, file: str = "shot.usda", options: SceneOptions | None 
     return check_layer(folder / "over.usda", folder / file, options) + check_layer(folder / "over.usda")
 
 
-def check_layer(
-    path: str | os.PathLike[str], shot: str | os.PathLike[str] | None = None, options: SceneOptions | None = None
-) -> list[str]:
+def check_layer(path: Path, shot: Path | None = None, options: SceneOptions | None = None) -> list[str]:
     """Complaints of USD's validators, which usdchecker runs, about a layer: over its shot, less those about the shot
     alone, or by itself. Unknown nodes of MaterialX are left out in a build of USD that knows none of them."""
-    path = os.path.abspath(os.fspath(path))
-    layer = Sdf.Layer.FindOrOpen(path)
-    if layer is None:
-        return [f"{path}: cannot be opened"]
+    layer = Sdf.Layer.FindOrOpen(str(path))
     if shot is None:
         return sorted(_complaints(Usd.Stage.Open(layer)))
-    options, shot = options or SceneOptions(), os.path.abspath(os.fspath(shot))
-    alone = compose(Sdf.Layer.CreateAnonymous(".usda"), shot, options, muted=path)
-    return sorted(_complaints(compose(layer, shot, options)) - _complaints(alone))
+    options = options or SceneOptions()
+    alone = compose(Sdf.Layer.CreateAnonymous(".usda"), str(shot), options, muted=str(path))
+    return sorted(_complaints(compose(layer, str(shot), options)) - _complaints(alone))
 
 
 def _complaints(stage: Usd.Stage) -> set[str]:

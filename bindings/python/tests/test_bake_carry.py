@@ -10,6 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 import scenes
 from bake_scenes import files, image, run
 from conftest import centres, grid
+from vrtm.bake.carry import Group
 
 MESH, SCALES = "/model/skin", "/model/scales"
 STRETCH = np.diag([1.5, 1.0, 1.0])
@@ -51,9 +52,16 @@ def scales(stage: Usd.Stage, places: np.ndarray = PLACES, path: str = SCALES) ->
     return of
 
 
-def bake(folder: Path, stage: Usd.Stage, *more: object, expect: int | None = 0, file: str = "skin.usda") -> str:
+def bake(
+    folder: Path,
+    stage: Usd.Stage,
+    *more: object,
+    expect: int | None = 0,
+    file: str = "skin.usda",
+    meshes: str = MESH,
+) -> str:
     stage.Save()
-    arguments = ("--rigidity", folder / "rigid.png", "--size", 32, "--meshes", MESH, "--device", "cpu", "--jobs", 1)
+    arguments = ("--rigidity", folder / "rigid.png", "--size", 32, "--meshes", meshes, "--device", "cpu", "--jobs", 1)
     ended = run("bake", folder / file, *arguments, "--out", folder / "out", *more, expect=expect)
     return ended.stdout + ended.stderr
 
@@ -147,7 +155,12 @@ def lengths(folder: Path, edges: np.ndarray, frame: int) -> np.ndarray:
 def test_a_stud_on_a_painted_feature_keeps_its_edges(tmp_path: Path) -> None:
     stage = scene(tmp_path, radius=0.25)
     edges = stud(stage)
-    said = bake(tmp_path, stage, "--carry-prims", "/model/stud", "--report", tmp_path / "report.json")
+    # It has no UVs, moves with the shot, and needs no maps.
+    detail = UsdGeom.Mesh(stage.GetPrimAtPath("/model/stud")).GetPointsAttr()
+    detail.Set(detail.Get(), 1)
+    detail.Set(posed(np.array(detail.Get(1))), 2)
+    asked = ("--carry-prims", "/model/stud", "--strict", "--report", tmp_path / "report.json")
+    said = bake(tmp_path, stage, *asked, meshes="*")
     assert "carries 25 places, 1 rigid feature, whose rims leave the surface by " in said
     rest = lengths(tmp_path, edges, 1)
     np.testing.assert_allclose(lengths(tmp_path, edges, 2), rest, rtol=1e-4)
@@ -189,6 +202,62 @@ def test_what_is_far_is_told_and_stays(tmp_path: Path) -> None:
     np.testing.assert_allclose(values(tmp_path, SCALES, 2), [*posed(places[:5]), places[5]], atol=1e-5)
 
 
+def test_what_is_inside_an_instance_is_opened_up(tmp_path: Path) -> None:
+    """An instance in another one, which has the skin, too, and one beside it that stays."""
+    stage = scene(tmp_path)
+    scales(stage)
+    stage.GetRootLayer().Export(str(tmp_path / "asset.usda"))
+    stage.RemovePrim("/model")
+    for path in ("/set/a", "/set/b"):
+        prim = stage.DefinePrim(path, "Xform")
+        prim.GetReferences().AddReference("asset.usda", "/model")
+        prim.SetInstanceable(True)
+    stage.DefinePrim("/shot", "Xform").GetReferences().AddInternalReference("/set")
+    stage.GetPrimAtPath("/shot").SetInstanceable(True)
+    said = bake(tmp_path, stage, "--carry-prims", "/shot/a", meshes="/shot/a/skin")
+    assert "/shot/a/scales: instances, 4 places, carried by /shot/a/skin" in said
+    for path in ("/shot", "/shot/a"):
+        assert f"{path}: is no instance any more, since what is inside is carried" in said
+    np.testing.assert_allclose(values(tmp_path, "/shot/a/scales", 2), posed(PLACES), atol=1e-5)
+    np.testing.assert_allclose(values(tmp_path, "/shot/b/scales", 2), PLACES, atol=1e-6)
+
+
+def changing(stage: Usd.Stage) -> None:
+    """Prims whose points are others in frame 2, or none at rest, and a curve that is fine."""
+    for name, counts in (("/model/more", (4, 3)), ("/model/none", (0, 4))):
+        of = scales(stage, PLACES, name)
+        for frame, count in enumerate(counts, 1):
+            of.GetPositionsAttr().Set(np.float32(PLACES[:count]), frame)
+            of.GetProtoIndicesAttr().Set([0] * count, frame)
+    UsdGeom.Points.Define(stage, "/model/dots").CreatePointsAttr(np.float32(PLACES))
+    for frame in (1, 2):
+        UsdGeom.Points(stage.GetPrimAtPath("/model/dots")).CreateIdsAttr().Set([frame, 2, 3, 4], frame)
+    scales(stage, PLACES, "/model/odd").GetProtoIndicesAttr().Set([0] * 9)
+    hair = UsdGeom.BasisCurves.Define(stage, "/model/hair")
+    hair.CreatePointsAttr(np.float32(PLACES))
+    hair.CreateCurveVertexCountsAttr([0, 4, 0])
+
+
+def test_what_cannot_be_bound_is_left_out_and_stops_no_map(tmp_path: Path) -> None:
+    stage = scene(tmp_path)
+    changing(stage)
+    expected = {
+        "more": "the number or order of its positions changes, first in frame 2",
+        "none": "has no points at rest",
+        "dots": "the number or order of its ids changes, first in frame 2",
+        "odd": "has 4 positions and 9 protoIndices",
+    }
+    asked = ("--carry-prims", "/model/hair", *(f"/model/{name}" for name in expected))
+    said = bake(tmp_path, stage, *asked)
+    for name, why in expected.items():
+        assert f"vrtm: warning: /model/{name}: not carried: {why}" in said
+    assert "carries 1 place" in said and (tmp_path / "out" / "redirect.0002.1001.exr").exists()
+    # A file of before would move what is not carried any more.
+    said = bake(tmp_path, stage, "--carry-prims", "/model/none")
+    assert "0 files written, 2 up to date" in said and not (tmp_path / "out" / "carried.usdc").exists()
+    bake(tmp_path, stage, *asked, "--strict", expect=2)
+
+
 def test_a_second_run_does_nothing_and_a_change_is_taken(tmp_path: Path) -> None:
     stage = scene(tmp_path)
     of = scales(stage)
@@ -227,21 +296,32 @@ def test_a_frame_without_a_pose_is_left_out(tmp_path: Path) -> None:
     assert layer.ListTimeSamplesForPath(f"{SCALES}.positions") == [1, 2]
 
 
-def test_another_file_in_other_units_and_the_nearest_of_two_meshes(tmp_path: Path) -> None:
+def test_another_file_with_other_units_axes_and_times_and_the_nearest_of_two_meshes(tmp_path: Path) -> None:
     stage = scene(tmp_path)
     UsdGeom.SetStageMetersPerUnit(stage, 1)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), "/model/other")
     UsdGeom.Xformable(stage.GetPrimAtPath("/model/other")).AddTranslateOp().Set(Gf.Vec3d(0, 0, 2))
     other = Usd.Stage.CreateNew(str(tmp_path / "scatter.usda"))
     UsdGeom.SetStageMetersPerUnit(other, 0.01)
-    scales(other, 100 * PLACES, "/low")
-    scales(other, 100 * (np.add(PLACES, [0, 0, 2])), "/high")
+    UsdGeom.SetStageUpAxis(other, UsdGeom.Tokens.y)
+    other.SetTimeCodesPerSecond(100)
+
+    def there(points: np.ndarray) -> np.ndarray:
+        return 100 * points[:, [0, 2, 1]] * (1, 1, -1)
+
+    scales(other, there(PLACES), "/low")
+    scales(other, there(np.add(PLACES, [0, 0, 2])), "/high")
+    # At the fourth of its times the shot has its first frame.
+    rises = UsdGeom.Xformable(other.GetPrimAtPath("/low")).AddTranslateOp()
+    rises.Set(Gf.Vec3d(0), 4)
+    rises.Set(Gf.Vec3d(0, 1, 0), 8)
     other.Save()
     more = ("--meshes", "/model/other", "--carry", tmp_path / "scatter.usda", "--carry-prims", "/low", "/high")
     said = bake(tmp_path, stage, *more)
     assert f"/low: instances, 4 places, carried by {MESH}" in said and "carried by /model/other" in said
-    np.testing.assert_allclose(values(tmp_path, "/low", 2), 100 * posed(PLACES), atol=1e-3)
-    np.testing.assert_allclose(values(tmp_path, "/high", 2), 100 * (np.add(posed(PLACES), [0, 0, 2])), atol=1e-3)
+    np.testing.assert_allclose(values(tmp_path, "/low", 2), there(posed(PLACES)) - (0, 1, 0), atol=1e-3)
+    np.testing.assert_allclose(values(tmp_path, "/high", 2), there(np.add(posed(PLACES), [0, 0, 2])), atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -258,3 +338,33 @@ def test_what_is_wrong_is_named_before_anything_is_baked(tmp_path: Path, options
     scales(stage, np.add(PLACES, [0, 0, 0.005]))
     assert said in bake(tmp_path, stage, *options, expect=2)
     assert not (tmp_path / "out").exists()
+
+
+def test_tasks_of_a_farm_share_the_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = scene(tmp_path, radius=0.25)
+    scales(stage)
+    points = UsdGeom.Mesh(stage.GetPrimAtPath(MESH)).GetPointsAttr()
+    points.Set(points.Get(2), 3)
+    stage.SetEndTimeCode(3)
+    whole, shared = tmp_path / "whole", tmp_path / "shared"
+
+    def share(out: Path, *more: object) -> str:
+        beside = ("--layer", out / "over.usda", "--layer-mode", "primvar", "--report", out / "report.json", "--sheet")
+        return bake(tmp_path, stage, "--carry-prims", SCALES, "--out", out, *beside, *more)
+
+    assert "not in it" not in share(whole)
+    for task in ("4/4", "2/4", "3/4"):
+        share(shared, "--task", task)
+    assert share(shared, "--task", "1/4").endswith("--task 1/4: no frame is left for it\n")
+    kinds = ("redirect.{}.1001.exr", "corners.{}.usdc", "carried.{}.tif")
+    assert set(files(shared)) == {kind.format(frame) for kind in kinds for frame in ("0001", "0002", "0003")}
+    assert "0 files written, 3 up to date" in share(shared, "--task", "4/4")
+    (shared / "carried.0003.tif").write_bytes((shared / "carried.0003.tif").read_bytes()[:-60])
+    assert "1 file written, 2 up to date" in share(shared, "--task", "4/4")
+    monkeypatch.setattr(Group, "moved", lambda _: pytest.fail("a frame of a task is solved again"))
+    share(shared)
+    made, found = ({**files(of), "report.json": b""} for of in (whole, shared))
+    assert made.items() <= found.items() and len(found) == len(made) + 3
+    monkeypatch.undo()
+    said = bake(tmp_path, stage, "--carry-prims", SCALES, "--frames", 2)
+    assert "carried.usdc: frames 1,3 of the scene are not in it (tasks of a farm that share the frames need" in said

@@ -246,19 +246,22 @@ def changing(archive: Any, parent: Any) -> None:
     [
         (("/model/om",), "skin.abc has no such object: did you mean /model/on"),
         ((SKIN,), "it is none of Points, Curves, PolyMesh, SubD that is not baked, nor has one below"),
-        (("/model/on/dots",), "/model/on/dots: has another topology in some samples"),
-        (("/model/on/turned",), "/model/on/turned: has another topology in some samples"),
-        (("/model/on/none",), "/model/on/none: has no points at rest"),
-        (("/model/on/odd",), "/model/on/odd: has a point that is not finite: 1"),
-        (("/model/on/hair",), "/model/on/hair: has 5 points, and curves with 6"),
-        (("/model/on/lost", "--carry-pieces", "connected"), "/model/on/lost: has 4 points, and a face with point 7"),
+        (("/model/on/dots",), "/model/on/dots: not carried: has another topology in some samples"),
+        (("/model/on/turned",), "/model/on/turned: not carried: has another topology in some samples"),
+        (("/model/on/none",), "/model/on/none: not carried: has no points at rest"),
+        (("/model/on/odd",), "/model/on/odd: not carried: has a point that is not finite: 1"),
+        (("/model/on/hair",), "/model/on/hair: not carried: has 5 points, and curves with 6"),
+        (
+            ("/model/on/lost", "--carry-pieces", "connected"),
+            "/model/on/lost: not carried: has 4 points, and a face with point 7",
+        ),
         (("/", "--carry", "none.abc"), "--carry none.abc: no such file"),
         (("/model/on/lost", "--carry-farthest", 1e-9), "must be in the world of the mesh at rest"),
     ],
 )
 def test_what_is_wrong_is_named_before_anything_is_baked(tmp_path: Path, options: tuple, said: str) -> None:
     scene(tmp_path, beside=changing)
-    assert said in bake(tmp_path, "--carry-prims", *options, expect=2)
+    assert said in bake(tmp_path, "--strict", "--carry-prims", *options, expect=2)
     assert not (tmp_path / "out").exists()
 
 

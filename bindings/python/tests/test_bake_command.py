@@ -207,7 +207,13 @@ def test_bad_input(scene: Path, tmp_path: Path) -> None:
         ([*good, "--frames", "100-200"], "1-5"),
         ([*good, "--tiles", "1050"], "1001, 1002"),
         ([*good, "--name", "a.exr"], "--name a.exr"),
-        ([*good, "--meshes", "nobody"], "nobody"),
+        ([*good, "--name", f"{'a' * 220}<frame>.<UDIM>.exr"], "its name has 233 bytes, more than 232"),
+        ([*good, "--frames", "1-"], "--frames: '1-' is neither a number nor a range"),
+        ([*good, "--meshes", "sheeet"], "did you mean sheet?"),
+        ([*good, "--uv", "st0", "--meshes", "sheet"], "has no UVs 'st0': did you mean st?"),
+        ([*good, "--qualty", "draft"], "did you mean --quality?"),
+        ([*good, "--quality", "best"], "invalid choice: 'best'"),
+        ([*rigid[:1], scene, "--rigidity-primvar", "Prev", "--out", out], "rigidity: did you mean Pref?"),
         ([*good, "--size", "0"], "--size"),
         ([*good, "--max-strain", "nan"], "--max-strain"),
         ([*good, "--texture", tmp_path / "none.<UDIM>.png"], "none.<UDIM>.png"),
@@ -224,7 +230,7 @@ def test_bad_input(scene: Path, tmp_path: Path) -> None:
         (sheet_arguments(scene, "/proc/nothing"), "/proc/nothing"),
     ]:
         ended = run(*arguments, expect=2)
-        line = ended.stderr.strip().splitlines()[-1]
+        (line,) = ended.stderr.strip().splitlines()
         assert words in line, f"'{words}' in: {line}"
         assert "Traceback" not in ended.stderr and "[1/5]" not in ended.stdout, "known before the first solve"
         shutil.rmtree(out, ignore_errors=True)

@@ -8,7 +8,6 @@ import resource
 from pathlib import Path
 
 import pytest
-from pxr import Sdf
 
 from bake_scenes import files, image, pixels, run, sheet_arguments, with_material
 from scenes import preview_material
@@ -115,12 +114,3 @@ def test_files_reach_the_disk_before_they_get_their_names(tmp_path: Path, monkey
     with pytest.raises(OSError, match="No space left"):
         staging.write_bytes(str(tmp_path / "a"), b"another")
     assert files(tmp_path) == {"a": b"content"}
-
-
-def test_a_layer_that_cannot_be_written_leaves_the_one_before(scene: Path, tmp_path: Path) -> None:
-    run(*all_kinds(scene, tmp_path))
-    layer = tmp_path / "over.usda"
-    before = layer.read_bytes()
-    code, told = limited([*all_kinds(scene, tmp_path), "--only-layer"], 300)
-    assert code == 2 and "over" in told.splitlines()[-1]
-    assert layer.read_bytes() == before and Sdf.Layer.FindOrOpen(str(layer))

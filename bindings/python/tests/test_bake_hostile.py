@@ -11,13 +11,15 @@ from pxr import Sdf, Usd
 
 import scenes
 from bake_scenes import image
-from vrtm.bake import frames, image_file, report, staging, warped
+from conftest import refused
+from vrtm.bake import frames, image_file, not_baked, report, staging, warped
 from vrtm.bake.failure import Failure
 from vrtm.bake.layer.clips import export
 from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene, SceneError
 from vrtm.bake.scene.images import read_map, said
 from vrtm.bake.scene.obj import read_obj
+from vrtm.bake.settings import Settings
 
 
 def an_image(path: str) -> None:
@@ -70,8 +72,7 @@ def test_a_link_in_the_place_of_a_new_file_is_not_followed(
         return True
 
     monkeypatch.setattr(staging._Place, "has", gate)
-    with pytest.raises((Failure, OSError), match="another program put something else in its place"):
-        WRITERS[name](str(out / name))
+    refused((Failure, OSError), "another program put something else in its place", WRITERS[name], str(out / name))
     assert victim.read_bytes() == b"mine"
     assert os.listdir(out) == [name] and (out / name).read_bytes() == before
 
@@ -116,8 +117,7 @@ def stage(tmp_path: Path) -> Usd.Stage:
 def test_frames_that_nobody_counts_to(stage: Usd.Stage, end: float) -> None:
     stage.SetStartTimeCode(1)
     stage.SetEndTimeCode(end)
-    with pytest.raises(SceneError, match=r"a\.usda: its frames go from 1 to .*is no frame"):
-        Scene(scenes.saved(stage))
+    refused(SceneError, r"a\.usda: its frames go from 1 to .*is no frame", Scene, scenes.saved(stage))
 
 
 def test_very_many_frames_are_not_listed(stage: Usd.Stage) -> None:
@@ -131,6 +131,8 @@ def test_very_many_frames_are_not_listed(stage: Usd.Stage) -> None:
         assert frames.text(scene.frames) == "-1000000000-1000000000"
         with pytest.raises(ValueError, match=r"2000000001 frames, .* more than 100000: --frames"):
             frames.clamp(None, scene.frames)
+        (entry,) = not_baked.of_frames(Settings("a.usda", frames=(1, 2)), scene.frames, ())
+        assert entry.line() == "all but 2 of 2000000001 frames: not in --frames" and entry.meant
 
 
 def test_an_index_of_thousands_of_digits(tmp_path: Path) -> None:
@@ -154,26 +156,22 @@ def test_images_that_are_too_large_are_refused_by_their_header(
     large = str(image(tmp_path / "large.png", noise))
     # So that its texels cannot be read: nothing tries to.
     os.truncate(large, 5000)
-    with pytest.raises(SceneError, match=r"large\.png: 98 x 99 texels of 1 channels: more than 8 x 8 .*VRTM_MAX_IMAGE"):
-        read(large)
+    refused(SceneError, r"large\.png: 98 x 99 texels of 1 channels: more than 8 x 8 .*VRTM_MAX_IMAGE", read, large)
     monkeypatch.setenv("VRTM_MAX_IMAGE", "1e4")
     with pytest.raises(SceneError, match="VRTM_MAX_IMAGE: '1e4' is not a number"):
         read(large)
-
-
-def test_a_display_window_counts_too(tmp_path: Path) -> None:
-    size = {"full_width": 1 << 20, "full_height": 1 << 20}
-    path = image(tmp_path / "a.exr", np.zeros((4, 4, 1), np.float16), **size)
+    # The display window counts, too.
+    monkeypatch.delenv("VRTM_MAX_IMAGE")
+    wide = image(tmp_path / "a.exr", np.zeros((4, 4, 1), np.float16), full_width=1 << 20, full_height=1 << 20)
     with pytest.raises(SceneError, match=r"a\.exr: 1048576 x 1048576 texels"):
-        read_map(str(path))
+        read(str(wide))
 
 
 @pytest.mark.parametrize("read", [*READERS.values(), read_obj], ids=[*READERS, "obj"])
 def test_pipes_and_devices_are_no_files(tmp_path: Path, read: Callable) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (str(tmp_path / "pipe"), "/dev/zero"):
-        with pytest.raises(SceneError, match=f"{path}: is no file"):
-            read(path)
+        refused(SceneError, f"{path}: is no file", read, path)
 
 
 def test_a_library_may_fail_anywhere_in_a_damaged_file(stage: Usd.Stage, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,7 +185,7 @@ def test_a_library_may_fail_anywhere_in_a_damaged_file(stage: Usd.Stage, monkeyp
         monkeypatch.setattr(scene.source, "positions", fail)
         with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed somewhere$"):
             scene.positions(scene.shapes[0], 1)
-    monkeypatch.setattr("vrtm.bake.scene.usd.stage_frames", fail)
+    monkeypatch.setattr("vrtm.bake.scene.usd_stage.stage_frames", fail)
     with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed somewhere$"):
         Scene(scenes.saved(stage))
 
@@ -212,6 +210,5 @@ def test_figures_that_were_changed_are_told(tmp_path: Path) -> None:
     assert image_file.up_to_date(target) == {"movable": 1}
     content = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "a.exr").write_bytes(content.replace(b"movable", b"mo?able"))
-    with pytest.raises(Failure, match="are not those that vrtm wrote"):
-        image_file.up_to_date(target)
+    refused(Failure, "are not those that vrtm wrote", image_file.up_to_date, target)
     assert image_file.up_to_date(target, replace=True) is None

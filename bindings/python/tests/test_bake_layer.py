@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from bake_scenes import MESH, files, run, sheet, sheet_arguments, solved_alone, with_material, written
+from bake_scenes import MESH, files, run, sheet, sheet_arguments, solved_alone, with_copies, with_material, written
 from scenes import preview_material
 from shots import bound, check_layer, texture
 
@@ -47,15 +47,6 @@ def test_corner_uvs_are_up_to_date_or_made_anew(scene: Path, tmp_path: Path) -> 
         corners.write_bytes(damage)
         assert written(run(*sheet_arguments(scene, maps, *options))) == (1, 5)
         assert files(tmp_path) == before
-    # Of another process, and as tasks of a farm: frames by themselves, then the layer alone.
-    parts = tmp_path / "parts" / "maps"
-    parts.mkdir(parents=True)
-    rest = ("--form", "udim", "--layer", parts.parent / "redirect.usda", "--layer-mode", "primvar")
-    for frame in (2, 1):
-        run(*sheet_arguments(scene, parts, *rest, "--frames", frame))
-    run(*sheet_arguments(scene, parts, *rest, "--frames", "1-2", "--only-layer"))
-    found = files(parts.parent)
-    assert found == {name: content for name, content in before.items() if not name.startswith("parts")}
 
 
 def test_wrong_layers(scene: Path, tmp_path: Path) -> None:
@@ -152,10 +143,7 @@ def test_what_a_build_of_usd_cannot_open_is_said_once(tmp_path: Path) -> None:
     if Sdf.FileFormat.FindByExtension("mtlx"):
         pytest.skip("skipped: this build of USD opens .mtlx")
     scene = sheet(tmp_path / "shot", frames=1, cells=4)
-    stage = Usd.Stage.Open(str(scene))
-    layer = stage.GetRootLayer()
-    for name in ("second", "third"):
-        Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
+    stage = with_copies(scene, "second", "third")
     stage.GetPrimAtPath("/model").GetReferences().AddReference("./looks.mtlx", "/MaterialX/Materials")
     for name in ("sheet", "second", "third"):
         prim = stage.GetPrimAtPath(f"/model/{name}")
@@ -163,7 +151,7 @@ def test_what_a_build_of_usd_cannot_open_is_said_once(tmp_path: Path) -> None:
         prim.CreateRelationship("material:binding").SetTargets([f"/model/{name}_look"])
     stage.Save()
     (scene.parent / "looks.mtlx").write_text('<?xml version="1.0"?><materialx version="1.38"></materialx>')
-    ended = run(*sheet_arguments(scene, tmp_path / "out", "--layer", tmp_path / "over.usda"), expect=3)
+    ended = run(*sheet_arguments(scene, tmp_path / "out", "--layer", tmp_path / "over.usda"), expect=2)
     told = [line for line in ended.stderr.splitlines() if line.startswith("vrtm: warning: ")]
     (missing,) = [line for line in told if "looks.mtlx" in line]
     assert "what it takes from ./looks.mtlx is missing: this build of USD (" in missing and "opens no .mtlx" in missing

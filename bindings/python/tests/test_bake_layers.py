@@ -274,7 +274,7 @@ def in_two_sets(scene: Path, out: Path, *more: object) -> list[object]:
 def test_maps_hold_uvs_of_the_other_set(unique: Path, tmp_path: Path, form: str) -> None:
     given = in_two_sets(unique, tmp_path / "maps", "--form", form, "--layer", tmp_path / "over.usda", "--measure")
     run(*given)
-    options = SceneOptions(uv="unique", texture_uv="st")
+    options = SceneOptions(uv=("unique",), texture_uv="st")
     with Scene(unique, options) as opened:
         (shape,) = opened.shapes
     asset = solved_alone(unique, 2, SIZE, options=options, uv_sets=[shape.texture_uvs])
@@ -311,7 +311,7 @@ def test_what_the_other_set_does_not_have_is_refused(unique: Path, tmp_path: Pat
         ended = run(*in_two_sets(unique, tmp_path / "out", *more), expect=2)
         assert "--texture-uv and --" in ended.stderr and "exclude each other" in ended.stderr
     ended = run(*in_two_sets(unique, tmp_path / "out", "--texture-uv", "uniqe"), expect=2)
-    assert "has no UVs 'uniqe' that textures are looked up by: did you mean unique?" in ended.stderr
+    assert "has no UVs 'uniqe' for its textures: did you mean unique?" in ended.stderr
     plain = sheet(tmp_path / "plain", frames=2)
     assert "no UVs 'other'" in run(*sheet_arguments(plain, tmp_path / "out", "--texture-uv", "other"), expect=2).stderr
     assert not (tmp_path / "out").exists()

@@ -1,6 +1,7 @@
 """The list of what is not baked: on the screen, in the log and in the report, and what --strict makes of it."""
 
 import json
+import math
 import shutil
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 
-from bake_scenes import MESH, files, image, pixels, sheet, sheet_arguments
+from bake_scenes import MESH, files, image, pixels, sheet, sheet_arguments, with_copies
 from conftest import grid
 from vrtm import cli
 from vrtm.bake import left_out
@@ -41,41 +42,45 @@ def test_entries_that_say_the_same_are_told_together() -> None:
 
 def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     scene = sheet(tmp_path / "shot", frames=3, cells=4)
-    stage = Usd.Stage.Open(str(scene))
-    layer = stage.GetRootLayer()
-    for name in ("bald", "hidden", "other"):
-        Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
-    stage.RemovePrim("/model/other")
+    stage = with_copies(scene, "bald", "hidden", "other", "few", "beyond", "nan")
+    for name, uvs in (("few", [(0, 0)]), ("beyond", [(-1, -1)] * 50), ("nan", [(math.nan, 0)] * 50)):
+        stage.GetPrimAtPath(f"/model/{name}").GetAttribute("primvars:st").Set(uvs)
     stage.GetPrimAtPath("/model/bald").RemoveProperty("primvars:st")
     UsdGeom.Imageable(stage.GetPrimAtPath("/model/hidden")).MakeInvisible()
     stage.Save()
     (scene.parent / "rigid.1002.png").unlink()
     out, report, log = tmp_path / "out", tmp_path / "report.json", tmp_path / "bake.log"
-    options = ["--report", report, "--log", log, "--jobs", 1]
+    options = ["--report", report, "--log", log, "--jobs", 1, "--exclude", "oth*"]
     arguments = list(map(str, sheet_arguments(scene, out, *options, "--frames", "2,3,8")))
     assert cli.main(arguments) == 0
     said = capfd.readouterr()
     told = [
         "/model/bald: has no UVs",
         "/model/hidden: is invisible in all frames",
-        "frame 1: not in --frames",
+        "/model/other: named by --exclude",
+        "/model/few: cannot be read: primvars:st has 1 values of interpolation vertex, not 50",
+        "all but 2 of 3 frames: not in --frames",
         "frame 8: the scene has 1-3",
         "/model/sheet, tile 1002: no map of --rigidity: nothing keeps its shape there",
+        "/model/beyond: cannot be baked: none of its UVs lies in a UDIM tile: u from -1 to -1; v from -1 to -1; "
+        "tiles have numbers where u is 0 to 10 and v is 0 to 900",
+        "/model/nan: cannot be baked: vrtm_asset_create: desc.uvs[0]: component 0 is NaN",
     ]
     assert said.out.split("not baked:\n")[1].splitlines()[: len(told)] == [f"  {line}" for line in told]
     assert all(f"info:   {line}\n" in log.read_text() for line in told)
-    wrong = [told[0], *told[3:]]
-    assert [line for line in said.err.splitlines() if "warning" in line] == [f"vrtm: warning: {line}" for line in wrong]
+    wrong = [told[0], told[3], *told[5:]]
+    (of_library, *warnings) = [line for line in said.err.splitlines() if "warning" in line]
+    assert "/model/beyond: mesh: 32 faces" in of_library and warnings == [f"vrtm: warning: {line}" for line in wrong]
     rows = json.loads(report.read_text())["not_baked"]
-    assert [row["meant"] for row in rows] == [False, True, True, False, False]
+    assert [row["meant"] for row in rows] == [False, True, True, False, True, *[False] * 4]
     where = {"mesh": None, "frames": [8], "tiles": [], "layers": []}
-    assert rows[3] == where | {"why": "the scene has 1-3", "meant": False}
-    assert (rows[4]["mesh"], rows[4]["tiles"]) == (MESH, [1002])
+    assert rows[5] == where | {"why": "the scene has 1-3", "meant": False}
+    assert (rows[6]["mesh"], rows[6]["tiles"]) == (MESH, [1002])
     # --strict: nothing is baked, and the report says why.
     assert cli.main([*arguments, "--strict"]) == 2
-    assert f"vrtm: --strict: {wrong[0]} (and 2 more, named above)" in capfd.readouterr().err
+    assert f"vrtm: --strict: {wrong[0]} (and 5 more, named above)" in capfd.readouterr().err
     written = json.loads(report.read_text())
-    assert (written["exit_code"], written["written"], len(written["not_baked"])) == (2, 0, 5)
+    assert (written["exit_code"], written["written"], len(written["not_baked"])) == (2, 0, 9)
     shutil.rmtree(out)
     assert cli.main([*arguments, "--strict"]) == 2 and not out.exists()
     capfd.readouterr()
@@ -99,9 +104,9 @@ def test_what_usd_says_is_told_once_and_in_the_list(tmp_path: Path, capfd: pytes
     del stage
     capfd.readouterr()
     report = tmp_path / "report.json"
-    arguments = sheet_arguments(scene, tmp_path / "out", "--report", report, "--jobs", 1, "--tiles", 1001)
-    arguments += ["--layer", tmp_path / "over.usda", "--layer-mode", "texture"]
-    cli.main(list(map(str, arguments)))
+    arguments = sheet_arguments(scene, tmp_path / "out", "--report", report, "--jobs", 1)
+    arguments += ["--layer", tmp_path / "over.usda", "--layer-mode", "primvar"]
+    assert cli.main(list(map(str, arguments))) == 0
     said = capfd.readouterr()
     expected = {
         "/model/hair": "USD: Could not open asset @",
@@ -161,6 +166,10 @@ def test_a_pose_that_cannot_be_used_is_left_out(tmp_path: Path, monkeypatch, cap
     assert (nan["mesh"], nan["frames"], faces["frames"]) == ("pose.0.obj", [2], [4])
     assert "positions[10]: component 0 is NaN" in nan["why"] and "pose.4.obj" in faces["why"]
     assert "frame 2: not baked" in said.out and said.err.count("pose.0.obj, frame 2: ") == 1
+    # A limit is not kept where nothing was measured.
+    assert cli.main([*given, "--frames", "1-5", "--max-strain", "9", "--out", "limited"]) == 3
+    unknown = "--max-strain could not be checked in 2 places: pose_0, frame 2: its pose cannot be taken"
+    assert unknown in capfd.readouterr().err
     # What is there stays up to date; --strict makes an error of the rest, and so does a bake of nothing else.
     assert cli.main([*given, "--frames", "1-5", "--strict"]) == 2
     assert "0 files written, 3 up to date" in capfd.readouterr().out or more
@@ -171,12 +180,3 @@ def test_a_pose_that_cannot_be_used_is_left_out(tmp_path: Path, monkeypatch, cap
         assert cli.main([*given, "--frames", "3", "--out", "alone"]) == 0
         name = "redirect.0003.1001.exr"
         assert np.array_equal(pixels(tmp_path / "out" / name), pixels(tmp_path / "alone" / name))
-
-
-def test_very_many_frames_are_not_listed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    scene = sheet(tmp_path / "shot", frames=2, cells=4)
-    stage = Usd.Stage.Open(str(scene))
-    stage.SetEndTimeCode(2e9)
-    stage.Save()
-    assert cli.main(list(map(str, sheet_arguments(scene, tmp_path / "out", "--frames", "1-2", "--dry-run")))) == 0
-    assert "  all but 2 of 2000000000 frames: not in --frames\n" in capfd.readouterr().out

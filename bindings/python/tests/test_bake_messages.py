@@ -3,25 +3,20 @@
 import re
 from pathlib import Path
 
-from pxr import Gf, Sdf, Usd
+from pxr import Gf, Usd
 
-from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
-from vrtm import cli
+from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_copies, with_material
 
 
 def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "shot", frames=2, cells=4)
-    stage = Usd.Stage.Open(str(scene))
-    layer = stage.GetRootLayer()
-    for name in ("rock", "stone"):
-        Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
+    stage = with_copies(scene, "rock", "stone", "bent")
+    for name in ("rock", "stone", "bent"):
         points = stage.GetPrimAtPath(f"/model/{name}").GetAttribute("points")
         rest = points.Get()
         points.Clear()
         points.Set(rest)
     # One that is bent once and for all deforms.
-    Sdf.CopySpec(layer, "/model/rock", layer, "/model/bent")
-    points = stage.GetPrimAtPath("/model/bent").GetAttribute("points")
     points.Set([Gf.Vec3f(p[0] * (1 + 0.1 * p[0]), p[1], p[2]) for p in points.Get()])
     stage.Save()
     ended = run(*sheet_arguments(scene, tmp_path / "out"))
@@ -62,11 +57,26 @@ def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None
     run(*sheet_arguments(flat, tmp_path / "collapsed"))
 
 
+def test_cages_of_surfaces_that_renderers_smooth_are_told_once(tmp_path: Path) -> None:
+    scene = sheet(tmp_path / "shot", frames=2, cells=4)
+    stage = with_copies(scene, "other", "flat", "bent", "tri")
+    for name, scheme in {"other": "catmullClark", "flat": "none", "bent": "bilinear", "tri": "loop"}.items():
+        stage.GetPrimAtPath(f"/model/{name}").GetAttribute("subdivisionScheme").Set(scheme)
+    # A mesh that states no scheme is a Catmull-Clark surface.
+    stage.GetPrimAtPath(MESH).RemoveProperty("subdivisionScheme")
+    stage.Save()
+    arguments = sheet_arguments(scene, tmp_path / "out", "--dry-run")
+    told, is_one = run(*arguments).stdout.splitlines(), "renderers smooth this subdivision surface"
+    assert [line for line in told if "smooth" in line] == [
+        f"{MESH} and another mesh: {is_one} (catmullClark), and its cage is baked: --subdivide 2 refines it",
+        f"/model/tri: {is_one} (loop), and its cage is baked: its scheme cannot be refined",
+    ]
+    assert "smooth" not in run(*arguments, "--subdivide", 1, "--exclude", "tri").stdout
+
+
 def test_maps_of_another_mesh_or_form_are_not_lost_without_a_word(tmp_path: Path) -> None:
     scene = with_material(tmp_path / "shot")
-    stage = Usd.Stage.Open(str(scene))
-    Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), "/model/other")
-    stage.Save()
+    with_copies(scene, "other").Save()
     layer = tmp_path / "over.usda"
     arguments = sheet_arguments(scene, tmp_path / "out", "--meshes")
     run(*arguments, "sheet", "--layer", layer)
@@ -104,8 +114,13 @@ def test_a_dry_run_tells_and_writes_nothing(scene: Path, tmp_path: Path) -> None
         "memory: 1 MB per job, besides the scene; at most ",
     ):
         assert words in told, f"'{words}' in {told}"
-    assert not out.exists()
     assert "--tiles" in run(*sheet_arguments(scene, out, "--dry-run", "--tiles", 1050), expect=2).stderr
+    # Whoever is to paint the maps has to know the tiles.
+    for size, which in (("auto", "grid by the features, maps as the rigidity map"), (32, "grid 32 x 32, maps 32 x 32")):
+        told = run("bake", scene, "--dry-run", "--device", "cpu", "--out", out, "--size", size).stdout
+        lines = "\n".join(f"  tile {udim}: {which}, no rigidity" for udim in (1001, 1002))
+        assert f"frames: 1-5 of 1-5\n/model/sheet: UV set st, 162 vertices, rest: Pref\n{lines}\nfiles" in told, told
+    assert not out.exists()
 
 
 def test_a_log_keeps_what_is_said(scene: Path, tmp_path: Path) -> None:
@@ -138,21 +153,6 @@ def test_a_log_keeps_what_is_said(scene: Path, tmp_path: Path) -> None:
     assert log.read_text().startswith(first)
 
 
-def test_what_is_near_is_named_in_one_line(scene: Path, tmp_path: Path) -> None:
-    arguments = sheet_arguments(scene, tmp_path / "out")
-    for more, words in (
-        (("--meshes", "sheeet"), "did you mean sheet?"),
-        (("--uv", "st0", "--meshes", "sheet"), "has no UVs 'st0': did you mean st?"),
-        (("--qualty", "draft"), "did you mean --quality?"),
-        (("--quality", "best"), "invalid choice: 'best'"),
-        (("--frames", "1-"), "--frames: '1-' is neither a number nor a range"),
-    ):
-        ended = run(*arguments, *more, expect=2)
-        assert words in ended.stderr and len(ended.stderr.splitlines()) == 1, ended.stderr
-    by_vertex = ["bake", scene, "--rigidity-primvar", "Prev", "--out", tmp_path / "out", "--device", "cpu"]
-    assert "no mesh has the primvar 'Prev' for the rigidity: did you mean Pref?" in run(*by_vertex, expect=2).stderr
-
-
 def test_help_has_the_usual_options_first() -> None:
     usual, every = (run("bake", option).stdout for option in ("--help", "--help-all"))
     assert len(re.findall(r"^  --", usual, re.M)) == 10 + len(["--help-all"])
@@ -163,11 +163,11 @@ def test_help_has_the_usual_options_first() -> None:
     assert len(options) > 80 and all(text.endswith((".", ")", "'")) for text in options), options
 
 
-def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatch) -> None:
     # However long a frame takes here.
     monkeypatch.setattr("vrtm.bake.run._START", 1e9)
-    assert cli.main(list(map(str, sheet_arguments(scene, tmp_path / "out", "--verbose")))) == 0
-    assert [line for line in capsys.readouterr().out.splitlines() if " at a time" in line] == [
+    told = run(*sheet_arguments(scene, tmp_path / "out", "--verbose")).stdout
+    assert [line for line in told.splitlines() if " at a time" in line] == [
         "1 frame, 1 at a time, on all threads each",
         "4 frames, 1 at a time, on all threads each",
     ]

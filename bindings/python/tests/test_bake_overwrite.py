@@ -1,8 +1,6 @@
 """Files that a bake must not replace: those that it reads, and those that vrtm has not written."""
 
-import contextlib
 import functools
-import io
 import json
 import os
 import shutil
@@ -15,7 +13,6 @@ from pxr import Sdf, Usd
 import scenes
 from bake_scenes import files, image, run, sheet_arguments, with_material
 from scenes import preview_material
-from vrtm import cli
 from vrtm.bake import overwrite
 from vrtm.bake.mark import mark
 
@@ -36,19 +33,17 @@ def shot(tmp_path: Path) -> Path:
 def refused(arguments: list[object], *words: object) -> None:
     """Checks that a bake ends with exit code 2 before it has changed anything, and with one line that has the words."""
     folder = Path(str(arguments[1])).parent
-    before, said, printed = files(folder), io.StringIO(), io.StringIO()
-    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(printed):
-        code = cli.main([str(argument) for argument in arguments])
-    line = said.getvalue()
-    assert (code, len(line.splitlines()), printed.getvalue()) == (2, 1, ""), line
+    before = files(folder)
+    ended = run(*arguments, expect=2)
+    assert len(ended.stderr.splitlines()) == 1 and ended.stdout == "", ended.stderr
     for word in words:
-        assert str(word) in line, f"'{word}' in: {line}"
+        assert str(word) in ended.stderr, f"'{word}' in: {ended.stderr}"
     assert files(folder) == before
 
 
 def test_inputs_are_never_replaced(shot: Path) -> None:
     folder = shot.parent
-    out, maps = folder / "out", folder / "rigid.<UDIM>.png"
+    out = folder / "out"
     textures = ("--texture", folder / "colour.<UDIM>.png", "--frames", 1, "--name", "<kind>.<UDIM>.exr")
     for more, words in [
         (("--layer", shot), ("--layer", "shot.usda", "the scene")),
@@ -85,10 +80,8 @@ def test_inputs_are_never_replaced(shot: Path) -> None:
     # Maps that are read and maps that are written by one name.
     for udim in (1001, 1002):
         image(folder / f"redirect.{udim}.exr", np.zeros((8, 8, 3), np.float32))
-    assert not (folder / "redirect.1003.exr").exists()
     arguments = ["bake", shot, "--rigidity", folder / "redirect.<UDIM>.exr", "--out", folder, *textures[2:]]
     refused([*arguments, "--overwrite"], "redirect.1001.exr", "--rigidity")
-    assert maps.parent == folder
 
 
 def test_an_obj_and_its_poses_are_never_replaced(tmp_path: Path) -> None:

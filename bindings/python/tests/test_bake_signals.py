@@ -120,32 +120,6 @@ sys.exit(main(sys.argv[2:]))
 """
 
 
-def with_code(code: str, argument: str, command: str, scene: Path, out: Path) -> subprocess.CompletedProcess[str]:
-    """Runs a command by way of a program with an argument of its own."""
-    given = ["dilate", scene, "--texture", scene.parent / "colour.<UDIM>.png", "--out", out]
-    started, variables = vrtm_command(*(sheet_arguments(scene, out) if command == "bake" else given))
-    return subprocess.run(
-        [started[0], "-c", code, argument, *started[3:]],
-        env=variables,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-
-
-@pytest.mark.parametrize(
-    ("command", "module"),
-    [("bake", "vrtm.bake.arguments"), ("bake", "OpenImageIO"), ("bake", "pxr.Sdf"), ("dilate", "pxr.Gf")],
-)
-def test_a_signal_is_heard_while_modules_are_being_loaded(
-    scene: Path, tmp_path: Path, command: str, module: str
-) -> None:
-    ended = with_code(EARLY, module, command, scene, tmp_path / "out")
-    assert (ended.returncode, ended.stderr) == (130, "vrtm: ended by SIGINT\n")
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_kill_is_made_good_by_the_next_run(
     scene: Path, reference: dict[str, bytes], tmp_path: Path, jobs: int
@@ -193,16 +167,34 @@ def busy(*given, **named):
     # As long as a library reads a large file.
     threading.Event().wait()
 
-owner, name = {"hidden": (usd, "hidden"), "shape": (usd.UsdMesh, "shape"), "asset": (Shape, "asset")}[sys.argv[1]]
+owner, name = {"hidden": (usd.usd_stage, "hidden"), "shape": (usd.UsdMesh, "shape"), "asset": (Shape, "asset")}[sys.argv[1]]
 setattr(owner, name, busy)
 main(sys.argv[2:])
 """
 
 
-@pytest.mark.parametrize(("command", "place"), [("bake", "hidden"), ("bake", "shape"), ("dilate", "asset")])
-def test_a_signal_is_heard_while_meshes_are_looked_through(
-    scene: Path, tmp_path: Path, command: str, place: str
+@pytest.mark.parametrize(
+    ("code", "name", "command", "place"),
+    [
+        # While modules are being loaded, and while meshes are looked through.
+        *((EARLY, "SIGINT", "bake", module) for module in ("vrtm.bake.arguments", "OpenImageIO", "pxr.Sdf")),
+        (EARLY, "SIGINT", "dilate", "pxr.Gf"),
+        *((BUSY, "SIGTERM", *at) for at in (("bake", "hidden"), ("bake", "shape"), ("dilate", "asset"))),
+    ],
+)
+def test_a_signal_is_heard_before_the_first_frame(
+    scene: Path, tmp_path: Path, code: str, name: str, command: str, place: str
 ) -> None:
-    ended = with_code(BUSY, place, command, scene, tmp_path / "out")
-    assert (ended.returncode, ended.stderr) == (143, "vrtm: ended by SIGTERM\n")
-    assert not (tmp_path / "out").exists()
+    out = tmp_path / "out"
+    given = ["dilate", scene, "--texture", scene.parent / "colour.<UDIM>.png", "--out", out]
+    started, variables = vrtm_command(*(sheet_arguments(scene, out) if command == "bake" else given))
+    ended = subprocess.run(
+        [started[0], "-c", code, place, *started[3:]],
+        env=variables,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert (ended.returncode, ended.stderr) == (ENDS[name], f"vrtm: ended by {name}\n")
+    assert not out.exists()

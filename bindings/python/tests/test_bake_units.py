@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import vrtm
+from conftest import refused
 from vrtm.bake import frames, staging
 from vrtm.bake.failure import BUG, DEVICE, INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
@@ -26,6 +27,8 @@ from vrtm.bake.scene import SceneError
         ("1-10x2,15", (1, 3, 5, 7, 9, 15)),
         ("1-10:3", (1, 4, 7, 10)),
         (" 3 , 1-2 ", (1, 2, 3)),
+        ("1 2  3\t5 - 9 x 2,10 01", (1, 2, 3, 5, 7, 9, 10)),
+        ("1.5 2 0.5", (0.5, 1.5, 2)),
         ("-3--1", (-3, -2, -1)),
         ("-1-1", (-1, 0, 1)),
         ("2,2,1-3", (1, 2, 3)),
@@ -39,10 +42,9 @@ def test_lists_of_frames(text: str, numbers: tuple[int, ...]) -> None:
     assert frames.parse(frames.text(numbers)) == numbers
 
 
-@pytest.mark.parametrize("text", ["", "a", "1-", "3-1", "1-5x0", "1,,2", "1.", ".5", "1-2-3", "1-99999999999"])
+@pytest.mark.parametrize("text", ["", "a", "1-", "3-1", "1-5x0", "1,,2", "1.", ".5", "1-2-3", "1-99999999999", "1 -3"])
 def test_wrong_lists_of_frames(text: str) -> None:
-    with pytest.raises(ValueError):
-        frames.parse(text)
+    refused(ValueError, "", frames.parse, text)
 
 
 def test_frames_are_clamped_to_the_scene() -> None:
@@ -57,12 +59,13 @@ def test_frames_are_clamped_to_the_scene() -> None:
 
 
 def test_tiles_are_whole_numbers() -> None:
-    assert frames.parse_whole("1001-1003x2") == (1001, 1003)
+    assert frames.parse_whole("1001-1003x2 1011") == (1001, 1003, 1011)
     with pytest.raises(ValueError, match=r"1001\.5 is not a whole number"):
         frames.parse_whole("1001.5")
 
 
-WRONG = r"/a.exr ../a.exr a/../b.exr a.png .exr a/ <other>.exr <fra a\b.exr a//b.exr <kind>.exr"
+WRONG = r"/a.exr ../a.exr a/../b.exr a.png .exr a/ <other>.exr <fra a\b.exr a//b.exr <kind>.exr "
+WRONG += "<frame>$F4.exr <frame>%04d.exr <frame>####.exr <frame>.%(UDIM)d.exr"
 
 
 @pytest.mark.parametrize("text", WRONG.split())

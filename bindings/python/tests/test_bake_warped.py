@@ -8,7 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments, written
-from conftest import centres
+from conftest import centres, refused
 from vrtm.bake.failure import Failure
 from vrtm.bake.scene import SceneError
 from vrtm.bake.warped import Copy, Texture, _footprint, listed, read, warp
@@ -143,6 +143,10 @@ def test_normals_turn_with_their_features(down: bool) -> None:
     assert np.degrees(np.arccos(np.clip((unturned * truth).sum(axis=-1, keepdims=True), -1, 1)))[inside].mean() > 10
 
 
+WRAPS = {"wrapmodes": "periodic,mirror"}
+"""Of textures with mip levels, by which renderers look them up."""
+
+
 def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
     scene = sheet(tmp_path, frames=1)
     cases = {
@@ -155,11 +159,17 @@ def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
         "acescg": ("exr", np.float16, 3, {"colorInteropID": "lin_ap1_scene"}, "exr"),
         "deepcolour": ("exr", np.float32, 5, {}, "exr"),
         "photo": ("jpg", np.uint8, 3, {}, "png"),
+        **{f"tx{n}": ("tx", kind, n, WRAPS, "tx") for n, kind in ((1, np.uint8), (3, np.float32), (4, np.uint16))},
+        "tiled": ("exr", np.float16, 3, WRAPS, "exr"),
     }
     for name, (ending, dtype, channels, told, _) in cases.items():
         for udim in (1001, 1002):
             values = noise((40, 72, channels), dtype).repeat(2, axis=0)
-            image(tmp_path / f"{name}.{udim}.{ending}", values, **told)
+            path = str(image(tmp_path / f"{name}.{udim}.{ending}", values, **told))
+            if name in ("tx4", "tiled"):
+                config = oiio.ImageSpec()
+                config.attribute("wrapmodes", told["wrapmodes"])
+                assert oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, oiio.ImageBuf(path), path, config)
     patterns = [tmp_path / f"{name}.<UDIM>.{case[0]}" for name, case in cases.items()]
     out = tmp_path / "out"
     run(*sheet_arguments(scene, out, "--texture", *patterns))
@@ -173,29 +183,33 @@ def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
             # What is outside of the charts does not move.
             assert np.array_equal(found[0], source[0])
             assert found.min() >= source.min() and found.max() <= source.max()
+            if told is WRAPS:
+                second, last = (pixels(out / f"{name}.0001.{udim}.{kept}", level) for level in (1, 6))
+                assert last.shape == (1, 1, channels)
+                half = found.reshape(40, 2, 36, 2, -1).mean((1, 3), dtype=np.float64)
+                assert np.allclose(second, half, atol=1 if np.dtype(dtype).kind == "u" else 1e-3)
             for attribute, value in told.items():
                 assert attributes(out / f"{name}.0001.{udim}.{kept}")[attribute] == value
     # Up to date, also in formats that have no attributes of one's own.
     assert written(run(*sheet_arguments(scene, out, "--texture", *patterns))) == (0, len(before))
     image(tmp_path / "grey8.1001.png", np.zeros((80, 72, 1), np.uint8))
-    assert written(run(*sheet_arguments(scene, out, "--texture", *patterns))) == (1, len(before) - 1)
+    # A texture that has lost its coarsest level is made again, of the same bytes.
+    for name in ("tx4.0001.1001.tx", "tiled.0001.1002.exr"):
+        (out / name).write_bytes(before[name][:-10])
+    assert written(run(*sheet_arguments(scene, out, "--texture", *patterns))) == (3, len(before) - 3)
     assert {p.name for p in out.iterdir() if p.read_bytes() != before[p.name]} == {"grey8.0001.1001.png"}
 
 
 def test_wrong_textures(tmp_path: Path) -> None:
-    with pytest.raises(Failure, match="redirect"):
-        listed(("a/redirect.<UDIM>.png",), (), False)
-    with pytest.raises(Failure, match="skin"):
-        listed(("a/skin.<UDIM>.png",), ("b/skin.<UDIM>.exr",), False)
+    refused(Failure, "redirect", listed, ("a/redirect.<UDIM>.png",), (), False)
+    refused(Failure, "skin", listed, ("a/skin.<UDIM>.png",), ("b/skin.<UDIM>.exr",), False)
     kinds = [copy.kind for copy in listed(("a/<mesh>_skin_<UDIM>.png", "b.png"), ("c.<UDIM>.x.tif",), False)]
     assert kinds == ["skin", "b", "c.x"]
     two = image(tmp_path / "two.png", np.zeros((SIZE, SIZE, 2), np.uint8))
-    with pytest.raises(Failure, match="three channels"):
-        Copy("", "", True, False).read(str(two))
+    refused(Failure, "three channels", Copy("", "", True, False).read, str(two))
     broken = tmp_path / "broken.png"
     broken.write_bytes(two.read_bytes()[:60])
-    with pytest.raises(SceneError, match=r"broken\.png"):
-        read(str(broken))
+    refused(SceneError, r"broken\.png", read, str(broken))
 
 
 def test_the_footprint_has_the_covariance_that_is_missing() -> None:

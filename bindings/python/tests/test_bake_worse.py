@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import scenes
-from bake_scenes import image, run
+from bake_scenes import flat, image, run
 from conftest import grid
 
 MESH, SIDE = "/model/skin", 64
@@ -23,6 +23,9 @@ def scene(tmp_path: Path) -> Path:
     scenes.mesh(stage, MESH, rest, rest[:, :2], faces=faces, poses=poses, pref=True)
     stage.Save()
     y, x = np.mgrid[:SIDE, :SIDE] % 8
+    row = np.arange(512) % 64 == 30
+    image(tmp_path / "1.png", np.where(row[:, None] & row, 255, 0).astype(np.uint8)[..., None])
+    flat(tmp_path / "0.png", 0)
     for value in (255, 127, 102):
         image(tmp_path / f"{value}.png", np.where((x > 1) & (y > 1), value, 0).astype(np.uint8)[..., None])
     return tmp_path / "shot.usda"
@@ -62,3 +65,25 @@ def test_grey_paint_is_measured(scene: Path, value: int) -> None:
     tile = json.loads((scene.parent / "r.json").read_text())["frames"][1]["tiles"][0]
     assert 0.01 < tile["strain"]["after"]["rms"] < tile["strain"]["before"]["rms"]
     assert tile["features"]["count"] == 64
+
+
+@pytest.mark.parametrize("limit", [("--max-strain", 0.9), ("--max-worse", 9)])
+def test_a_limit_is_not_kept_where_nothing_was_measured(scene: Path, limit: tuple) -> None:
+    # Dots that are too small for two nodes of the grid.
+    for _ in range(2):
+        ended = bake(scene, *limit, value=1, expect=3)
+        assert f"{limit[0]} could not be checked in 2 places: skin, frame 1, tile 1001: the painted" in ended.stderr
+        assert "nothing gained" not in ended.stdout and "strain not measured: the painted" in ended.stdout
+        tile = json.loads((scene.parent / "r.json").read_text())["frames"][1]["tiles"][0]
+        assert tile["strain"]["unmeasured"] and tile["max_displacement"] > 0
+    # Where nothing is rigid there is nothing to measure.
+    assert "nothing is rigid" in bake(scene, *limit, "--meshes", "skin", value=0).stdout
+    layer = ("--layer", scene.parent / "over.usda", "--only-layer")
+    said = bake(scene, *limit, *layer, value=1, expect=None).stderr
+    assert f"--only-layer solves nothing: {limit[0]} cannot be checked" in said
+
+
+def test_grey_paint_that_is_fixed_is_told(scene: Path) -> None:
+    flat(scene.parent / "mask.png", 0)
+    ended = bake(scene, "--mask", scene.parent / "mask.png", "--max-strain", 0.9, value=102, expect=3)
+    assert "cannot be met in 2 of 2: skin, frame 1, tile 1001: 100.0% of the rigid segments are fixed" in ended.stderr

@@ -92,6 +92,8 @@ def test_folds_are_counted_as_by_the_library(asset: vrtm.Asset, model: SimpleNam
         told = tile.inspect_map("redirection_delta", size)
         count, least = folds(tile.fetch("redirection_delta", size)[..., :2].astype(float))
         assert count == told.folds and least == pytest.approx(told.min_jacobian, abs=1e-6)
+        assert 0 < told.error_p99 <= told.error_max < 0.05
+        assert tile.inspect_map("redirection_delta", size, dtype=np.float16).error_rms != told.error_rms
 
 
 POSES = {

@@ -1,9 +1,9 @@
 """Carried points against what they must be."""
 
 import numpy as np
-import pytest
 
 import vrtm
+from conftest import refused
 
 GRID = [(x, y) for x in (0.2, 0.4, 0.6) for y in (0.3, 0.5, 0.7)]
 
@@ -11,8 +11,7 @@ GRID = [(x, y) for x in (0.2, 0.4, 0.6) for y in (0.3, 0.5, 0.7)]
 def test_points_go_with_the_surface(asset, model):
     with asset.carrier(GRID, heights=np.full(9, 0.1), fit="surface") as carrier:
         assert len(carrier) == 9 and not carrier.states().any()
-        with pytest.raises(vrtm.NotSolvedError):
-            carrier.fetch()
+        refused(vrtm.NotSolvedError, "", carrier.fetch)
         asset.solve(model.rest)
         rest = carrier.fetch("positions", "rotations", "stretch", "uvs", dtype=np.float64)
         assert np.allclose(rest.uvs, GRID, atol=1e-6) and np.allclose(rest.stretch, 1, atol=1e-5)
@@ -72,8 +71,7 @@ def test_points_come_with_the_images_of_one_solve(asset, model):
     assert (points.positions == alone.positions).all() and (points.rotations == alone.rotations).all()
     assert points.stretch is None and (stretch.stretch == alone.stretch).all()
     assert more.positions is rows and np.allclose(rows, alone.positions, atol=1e-5) and rows.any()
-    with pytest.raises(TypeError, match="carrier: 7 is no"):
-        vrtm.CarrierFetch(7)
+    refused(TypeError, "carrier: 7 is no", vrtm.CarrierFetch, 7)
 
 
 def test_what_is_wrong_is_named(asset):
@@ -87,7 +85,5 @@ def test_what_is_wrong_is_named(asset):
         ({"uvs": GRID, "heights": [1, 2]}, "heights: 2 elements"),
         ({"corners": [[0, 1, 9]], "weights": [[1, 1, 1]]}, "not three corners of one face"),
     ):
-        with pytest.raises((ValueError, vrtm.InvalidArgumentError), match=words):
-            asset.carrier(**arguments)
-    with pytest.raises(ValueError, match="'places' is none of"):
-        asset.carrier(GRID).fetch("places")
+        refused((ValueError, vrtm.InvalidArgumentError), words, asset.carrier, **arguments)
+    refused(ValueError, "'places' is none of", asset.carrier(GRID).fetch, "places")

@@ -11,7 +11,7 @@ import pytest
 import vrtm
 from bake_scenes import asset_of
 from conftest import LONG, real_mesh
-from vrtm.bake.raster import cover
+from vrtm.bake.raster import area, cover, weights_at
 from vrtm.bake.scene import Scene
 from vrtm.bake.scene.images import read_map
 
@@ -37,7 +37,7 @@ def read(name: str) -> SimpleNamespace:
         face = list(range(first, first + count))
         fans = [[[f[0], f[k], f[k + 1]] for k in range(1, count - 1)] for f in (face, face[1:] + face[:1])]
         # A concave quadrilateral has one diagonal inside.
-        signs = np.sign(area(uvs[shape.uv_indices[fans[0]]]))
+        signs = np.sign(area(*np.moveaxis(uvs[shape.uv_indices[fans[0]]], 1, 0)))
         found += fans[0] if (signs == signs[0]).all() else fans[1]
         first += count
     rest = shape.rest.astype(float)
@@ -45,11 +45,6 @@ def read(name: str) -> SimpleNamespace:
     maps = {int(udim): read_map(str(folder / name)) for udim, name in facts["rigidity"].items()}
     vertices, corners = shape.indices[found], uvs[shape.uv_indices[found]]
     return SimpleNamespace(shape=shape, rest=rest, frames=frames, maps=maps, vertices=vertices, corners=corners)
-
-
-def area(corners: np.ndarray) -> np.ndarray:
-    a, b, c = np.moveaxis(corners, -2, 0)
-    return (b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0]
 
 
 def origin(udim: int) -> np.ndarray:
@@ -89,7 +84,8 @@ def on_surface(model: SimpleNamespace, pose: np.ndarray, triangle: np.ndarray, w
 def cell(model: SimpleNamespace, pose: np.ndarray, triangle: np.ndarray) -> np.ndarray:
     """The side of a square with the area of a cell in the pose."""
     a, b, c = np.moveaxis(pose[model.vertices[triangle]], 1, 0)
-    return np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.abs(area(model.corners[triangle]))) / GRID
+    in_uv = np.abs(area(*np.moveaxis(model.corners[triangle], 1, 0)))
+    return np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1) / in_uv) / GRID
 
 
 def rims(asset: vrtm.Asset, tile: vrtm.Tile, model: SimpleNamespace, pose: np.ndarray, **bind) -> SimpleNamespace:
@@ -202,15 +198,10 @@ def beyond(dilation: np.ndarray, at: np.ndarray, place: np.ndarray) -> tuple[np.
 def locate(model: SimpleNamespace, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The triangle under each UV, and the weights of its corners."""
     triangle, weights = np.zeros(len(uv), int), np.zeros((len(uv), 3))
-    a, b, c = np.moveaxis(model.corners, 1, 0)
-    det = area(model.corners)
     for k, at in enumerate(uv):
-        with np.errstate(all="ignore"):
-            first = area(np.stack([np.broadcast_to(at, b.shape), b, c], 1)) / det
-            second = area(np.stack([a, np.broadcast_to(at, b.shape), c], 1)) / det
-        all = np.nan_to_num(np.stack([first, second, 1 - first - second], -1), nan=-9)
-        triangle[k] = np.argmax(all.min(1))
-        weights[k] = all[triangle[k]]
+        of_all = np.nan_to_num(weights_at(model.corners, at), nan=-9)
+        triangle[k] = np.argmax(of_all.min(1))
+        weights[k] = of_all[triangle[k]]
     return triangle, weights
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vrtm
+from conftest import refused
 
 
 def some_adapter():
@@ -31,14 +32,11 @@ def test_a_device_is_found_by_its_uuid():
 
 
 def test_other_identities_are_refused():
-    with pytest.raises(ValueError, match="adapter_uuid: 15 bytes, not 16"):
-        vrtm.Device("gpu", adapter_uuid=bytes(15))
-    with pytest.raises(ValueError, match="adapter_luid: 16 bytes, not 8"):
-        vrtm.Device("gpu", adapter_luid=bytes(16))
+    refused(ValueError, "adapter_uuid: 15 bytes, not 16", vrtm.Device, "gpu", adapter_uuid=bytes(15))
+    refused(ValueError, "adapter_luid: 16 bytes, not 8", vrtm.Device, "gpu", adapter_luid=bytes(16))
     with pytest.raises(ValueError, match="adapter_luid: adapter_uuid is given"):
         vrtm.Device("gpu", adapter_uuid=bytes(16), adapter_luid=bytes(8))
-    with pytest.raises(TypeError):
-        vrtm.Device("gpu", adapter_uuid=5)
+    refused(TypeError, "", vrtm.Device, "gpu", adapter_uuid=5)
     adapter = some_adapter()
     with pytest.raises(vrtm.InvalidArgumentError, match="no adapter has the UUID 07070707-0707-"):
         vrtm.Device("gpu", adapter_uuid=bytes([7]) * 16)
@@ -53,18 +51,12 @@ def test_other_identities_are_refused():
 def test_memory_of_a_gpu_is_refused_on_the_cpu(asset, model):
     """Writing on a GPU is tested in crates/gpu/tests/gpu/external.rs, which has a Vulkan device of its own."""
     tile = asset.tile(1001)
-    with pytest.raises(vrtm.NotSolvedError):
-        tile.fetch_external("redirection", 8, 0, 512)
+    refused(vrtm.NotSolvedError, "", tile.fetch_external, "redirection", 8, 0, 512)
     asset.solve(model.pose)
-    with pytest.raises(vrtm.UnsupportedError, match="tile: its device is the CPU"):
-        tile.fetch_external("redirection", 8, 0, 512)
-    with pytest.raises(vrtm.UnsupportedError, match="kind: Warp"):
-        tile.fetch_external("warp", 8, 0, 512)
-    with pytest.raises(vrtm.InvalidArgumentError, match=r"image\.offset is 4"):
-        tile.fetch_external("redirection", 8, 0, 516, offset=4)
+    refused(vrtm.UnsupportedError, "tile: its device is the CPU", tile.fetch_external, "redirection", 8, 0, 512)
+    refused(vrtm.UnsupportedError, "kind: Warp", tile.fetch_external, "warp", 8, 0, 512)
+    refused(vrtm.InvalidArgumentError, r"image\.offset is 4", tile.fetch_external, "redirection", 8, 0, 516, offset=4)
     with pytest.raises(vrtm.InvalidArgumentError, match=r"image\.memory_size is 255"):
         tile.fetch_external("redirection_delta", 8, 0, 255, dtype=np.float16)
-    with pytest.raises(ValueError, match="fd: -1 is not"):
-        tile.fetch_external("redirection", 8, -1, 512)
-    with pytest.raises(ValueError, match="origin: 'left'"):
-        tile.fetch_external("redirection", 8, 0, 512, origin="left")
+    refused(ValueError, "fd: -1 is not", tile.fetch_external, "redirection", 8, -1, 512)
+    refused(ValueError, "origin: 'left'", tile.fetch_external, "redirection", 8, 0, 512, origin="left")

@@ -1,23 +1,30 @@
-"""The farm's template in OpenJobDescription's own programs: checked, run, killed and run again."""
+"""The farm's templates in their schedulers' own programs: checked, run, killed and run again."""
 
+import contextlib
+import getpass
 import json
 import os
+import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from pxr import Usd, UsdGeom
 
 from bake_scenes import INSTALLED, files, processes, run, sheet_arguments, with_material
 from vrtm.farm import template
 
 FRAMES = 4
 OPTIONS = "--size 128 --jacobian"
+CARRIED = "/model/dots", "/model/more"
 
 
 @pytest.fixture(scope="module")
@@ -31,39 +38,54 @@ def openjd() -> str:
     return found
 
 
+def with_program(folder: Path, before: str = "") -> dict[str, str]:
+    """The environment of tasks that find a program `vrtm`. `before`: lines of its script."""
+    program = folder / "bin" / "vrtm"
+    program.parent.mkdir()
+    start = f'"{sys.executable}" -m vrtm.cli "$@"'
+    lines = ["#!/bin/sh", f'export PYTHONPATH="{INSTALLED}"', f"vrtm() {{ {start}; }}", before, f"exec {start}"]
+    program.write_text("\n".join(lines))
+    program.chmod(0o755)
+    return dict(os.environ) | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
+
+
 class Farm:
     """A folder with a scene, a template, and a program `vrtm` to be found by the farm's tasks."""
 
     def __init__(self, openjd: str, folder: Path) -> None:
         self.openjd, self.folder = openjd, folder
         self.scene = with_material(folder / "scene", frames=FRAMES, cells=8)
+        stage = Usd.Stage.Open(str(self.scene))
+        for path in CARRIED:
+            UsdGeom.Points.Define(stage, path).CreatePointsAttr([(0.3, 0.4, 0)])
+        stage.Save()
         self.template = folder / "job.yaml"
-        self.template.write_text(run("farm-template").stdout)
-        program = folder / "bin" / "vrtm"
-        program.parent.mkdir()
-        program.write_text(f'#!/bin/sh\nPYTHONPATH="{INSTALLED}" exec "{sys.executable}" -m vrtm.cli "$@"\n')
-        program.chmod(0o755)
-        self.environment = dict(os.environ) | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
+        self.template.write_text(run("farm-template", "--carry").stdout)
+        self.environment = with_program(folder)
+        rule = {"source_path_format": "POSIX", "source_path": "/artist", "destination_path": str(folder)}
+        self.rules = folder / "rules.json"
+        self.rules.write_text(json.dumps({"version": "pathmapping-1.0", "path_mapping_rules": [rule]}))
 
     def command(self, verb: str, out: Path, *more: str) -> list[str]:
-        """A command line with all parameters of the job."""
+        """A command line with all parameters of the job, by an artist who has the folder elsewhere than the farm."""
         values = {
-            "Scene": self.scene,
-            "MapDir": self.scene.parent,
+            "Scene": f"/artist/scene/{self.scene.name}",
+            "MapDir": "/artist/scene",
             "Rigidity": "rigid.<UDIM>.png",
-            "OutDir": out,
+            "OutDir": f"/artist/{out.name}",
             "Frames": f"1-{FRAMES}",
             "ChunkSize": 3,
             "Tiles": "1001-1002",
             "Options": OPTIONS,
+            "CarryPrims": " ".join(CARRIED),
         }
         given = [word for name, value in values.items() for word in ("-p", f"{name}={value}")]
         return [self.openjd, verb, str(self.template), *given, *more]
 
-    def start(self, out: Path, *more: str) -> subprocess.Popen[str]:
+    def start(self, out: Path) -> subprocess.Popen[str]:
         """Begins to run the job, in a process group of its own."""
         return subprocess.Popen(
-            self.command("run", out, *more),
+            self.command("run", out, "--path-mapping-rules", f"file://{self.rules}"),
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -81,8 +103,8 @@ def farm(openjd: str, tmp_path_factory: pytest.TempPathFactory) -> Farm:
 def local(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """Files of a run without a farm."""
     out = tmp_path_factory.mktemp("local")
-    layer = ("--layer", out / "redirect.usda")
-    run(*sheet_arguments(farm.scene, out, "--form", "udim", *OPTIONS.split(), *layer))
+    more = ("--layer", out / "redirect.usda", "--carry-prims", *CARRIED)
+    run(*sheet_arguments(farm.scene, out, "--form", "udim", *OPTIONS.split(), *more))
     return files(out)
 
 
@@ -90,18 +112,17 @@ def test_the_template_is_valid(farm: Farm, tmp_path: Path) -> None:
     for words in (farm.command("summary", tmp_path), [farm.openjd, "check", str(farm.template)]):
         ended = subprocess.run(words, capture_output=True, text=True, timeout=100)
         assert ended.returncode == 0, ended.stdout
-    assert "Layer" in farm.template.read_text() and "begin layer" not in farm.template.read_text()
-    short = run("farm-template", "--no-layer").stdout
-    assert short == template(layer=False) and "redirect.usda" not in short
-    (tmp_path / "short.yaml").write_text(short)
-    ended = subprocess.run([farm.openjd, "check", str(tmp_path / "short.yaml")], capture_output=True, text=True)
-    assert ended.returncode == 0, ended.stdout
+    assert "Layer" in farm.template.read_text() and "# begin" not in farm.template.read_text()
+    for option, word in (("--no-layer", "redirect.usda"), ("", "carry")):
+        short = run("farm-template", *filter(None, [option])).stdout
+        assert short == template(layer=not option) and word not in short
+        (tmp_path / "short.yaml").write_text(short)
+        ended = subprocess.run([farm.openjd, "check", str(tmp_path / "short.yaml")], capture_output=True, text=True)
+        assert ended.returncode == 0, ended.stdout
 
 
-def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(
-    farm: Farm, local: dict[str, bytes], tmp_path: Path
-) -> None:
-    out, whole = tmp_path / "out", 0
+def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(farm: Farm, local: dict[str, bytes]) -> None:
+    out, whole = farm.folder / "out", 0
     for way in ("SIGTERM", "SIGKILL to all"):
         process = farm.start(out)
         # Until all files of a further frame are there, which the next run must leave alone.
@@ -127,10 +148,12 @@ def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(
     ended = farm.start(out)
     told, _ = ended.communicate(timeout=280)
     assert ended.returncode == 0, told[-3000:]
-    assert files(out) == local
+    found = files(out)
+    assert local.items() <= found.items()
+    assert set(found) - set(local) == {f"carried.{frame:04d}.tif" for frame in range(1, FRAMES + 1)}
     assert "openjd_progress: 100.0" in told and "openjd_status: writing" in told and "files up to date" in told
-    # Two chunks of two tiles, and the layer.
-    assert told.count("Running Task") == 5
+    # Two chunks of two tiles, the layer, two chunks of what is carried, and its file.
+    assert told.count("Running Task") == 8
 
 
 def listed(folder: Path) -> set[str]:
@@ -154,17 +177,111 @@ def tree(root: int) -> list[int]:
     return found
 
 
-def test_paths_are_mapped(farm: Farm, local: dict[str, bytes], tmp_path: Path) -> None:
-    """The farm mounts the files elsewhere than the artist does."""
-    rule = {"source_path_format": "POSIX", "source_path": "/artist", "destination_path": str(tmp_path / "there")}
-    rules = tmp_path / "rules.json"
-    rules.write_text(json.dumps({"version": "pathmapping-1.0", "path_mapping_rules": [rule]}))
-    shutil.copytree(farm.scene.parent, tmp_path / "there" / "scene")
-    command = farm.command("run", Path("/artist/out"), "--path-mapping-rules", f"file://{rules}")
-    command = [word.replace(str(farm.scene.parent), "/artist/scene") for word in command]
-    # One chunk of them will do.
-    command[command.index(f"Frames=1-{FRAMES}")] = "Frames=1-2"
-    ended = subprocess.run(command, env=farm.environment, capture_output=True, text=True, timeout=280)
-    assert ended.returncode == 0, ended.stdout[-3000:]
-    maps = {name: content for name, content in files(tmp_path / "there" / "out").items() if name.endswith(".exr")}
-    assert len(maps) == 2 * 2 * 2 and maps.items() <= local.items()
+@pytest.fixture(scope="module")
+def slurm() -> Iterator[dict[str, str]]:
+    """Slurm on this machine alone, with keys, sockets and logs of its own: the environment of its commands. Skips the
+    test where it is not installed."""
+    path = f"{os.environ['PATH']}{os.pathsep}/usr/sbin"
+    if not all(shutil.which(name, path=path) for name in ("munged", "slurmctld", "slurmd", "sbatch")):
+        pytest.skip("skipped: no Slurm")
+    with tempfile.TemporaryDirectory(prefix="slurm") as folder, contextlib.ExitStack() as ended:
+        (Path(folder) / "key").write_bytes(os.urandom(128))
+        (Path(folder) / "key").chmod(0o600)
+        for name in ("state", "spool"):
+            (Path(folder) / name).mkdir()
+        (Path(folder) / "slurm.conf").write_text(slurm_conf(folder))
+        environment = dict(os.environ) | {"PATH": path, "SLURM_CONF": f"{folder}/slurm.conf"}
+        own = {"socket": "socket", "key-file": "key", "pid-file": "pid", "log-file": "log", "seed-file": "seed"}
+        munged = ["munged", "--force", "-F", *(f"--{name}={folder}/{file}" for name, file in own.items())]
+        for command in (munged, ["slurmctld", "-D", "-i"], ["slurmd", "-D"]):
+            output = open(f"{folder}/{command[0]}", "w")
+            daemon = subprocess.Popen(command, env=environment, stdout=output, stderr=subprocess.STDOUT)
+            ended.callback(daemon.wait)
+            ended.callback(daemon.terminate)
+        until(lambda: "idle" in slurm_says(environment, "sinfo", "-h", "-o", "%T"))
+        yield environment
+        slurm_says(environment, "scancel", "--me")
+
+
+def slurm_conf(folder: str) -> str:
+    """The configuration of a cluster of one machine, which pretends to have what tasks want."""
+    with contextlib.ExitStack() as opened:
+        sockets = [opened.enter_context(socket.socket()) for _ in range(2)]
+        for of in sockets:
+            of.bind(("127.0.0.1", 0))
+        ports = [of.getsockname()[1] for of in sockets]
+    user, host = getpass.getuser(), socket.gethostname().split(".")[0]
+    return f"""
+ClusterName=vrtm
+SlurmctldHost={host}(127.0.0.1)
+SlurmctldPort={ports[0]}
+SlurmdPort={ports[1]}
+AuthInfo=socket={folder}/socket
+SlurmUser={user}
+SlurmdUser={user}
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/spool
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/slurmd.pid
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SelectType=select/cons_tres
+SchedulerParameters=sched_interval=1
+SlurmdParameters=config_overrides
+NodeName={host} NodeAddr=127.0.0.1 CPUs=8 RealMemory=16384
+PartitionName=all Nodes={host} Default=YES
+"""
+
+
+def slurm_says(environment: dict[str, str], *command: str) -> str:
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60).stdout
+
+
+def until(done: Callable[[], bool], seconds: float = 40) -> None:
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_slurm_begins_a_killed_task_again(slurm: dict[str, str], tmp_path: Path) -> None:
+    folder = tmp_path / 'a "job\'s" $folder'
+    scene = with_material(folder / "scene", frames=2)
+
+    def given(out: Path) -> list[str]:
+        more = ("--layer", out / "redirect.usda", "--max-strain", 1e-6)
+        return [*map(str, sheet_arguments(scene, out, *more))]
+
+    (folder / "job.sh").write_text(run("farm-template", "--slurm").stdout)
+    # The second of two frames, in the middle.
+    killed = '*--task=3/3) mkdir killed 2>/dev/null && { vrtm "$@" --tiles=1001; kill -KILL $$; } ;;'
+    environment = slurm | with_program(folder, f'case "$*" in {killed} esac')
+    environment["PATH"] += f"{os.pathsep}{slurm['PATH']}"
+
+    def submit(*words: object) -> subprocess.CompletedProcess[str]:
+        command = ["bash", "job.sh", *map(str, words)]
+        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=60)
+
+    assert submit("three", *given(folder / "out")[1:]).returncode == 2 and submit(3).returncode == 2
+    started = submit(3, *given(folder / "out")[1:])
+    assert started.returncode == 0, started.stderr
+
+    sooner: set[str] = set()
+
+    def done() -> bool:
+        waiting = [line.split() for line in slurm_says(environment, "squeue", "-h", "-o", "%i %r").splitlines()]
+        for job in {job for job, reason in waiting if reason == "BeginTime"} - sooner:
+            # Instead of minutes. In the second in which it was ended Slurm would refuse it.
+            slurm_says(environment, "scontrol", "update", f"job={job}", "starttime=now+2")
+            sooner.add(job)
+        return not waiting
+
+    until(done)
+    told = "".join(path.read_text() for path in folder.glob("slurm-*.out"))
+    jobs = slurm_says(environment, "scontrol", "--oneliner", "show", "job").splitlines()
+    restarts = sorted(re.findall(r"ArrayTaskId=.* Restarts=(\d) .* ExitCode=0:0", "\n".join(jobs)))
+    assert restarts == ["0", "0", "1"], [*jobs, told]
+    assert sum("ExitCode=3:0" in job for job in jobs) == 1, "of the last one, since strain is left"
+    assert "--task 1/3: no frame is left for it" in told and (folder / "killed").exists()
+    run(*given(tmp_path / "local"), expect=3)
+    assert files(folder / "out") == files(tmp_path / "local")

@@ -16,8 +16,7 @@ HEADER = Path(__file__).resolve().parents[3] / "include" / "vrtm.h"
 
 
 def structs():
-    kinds = {name: value for name, value in vars(_abi).items() if isinstance(value, type)}
-    return {name: kind for name, kind in kinds.items() if ctypes.Structure in kind.__bases__}
+    return {kind.__name__: kind for kind in ctypes.Structure.__subclasses__() if kind.__module__ == "vrtm._abi"}
 
 
 def test_layouts_are_those_of_a_compiler(tmp_path):

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from conftest import refused
 from vrtm.bake import arguments, frames, parsing, tokens, warped
-from vrtm.bake.failure import Failure
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.names import Pattern
 from vrtm.bake.scene import SceneError
 from vrtm.bake.scene.images import find_maps
 from vrtm.bake.scene.poses import find_poses
@@ -52,17 +51,13 @@ def test_files_by_the_number_in_which_they_differ(tmp_path, names: str, pattern:
     ("names", "pattern", "expected"),
     [
         ("a.0001.obj a.0020.obj a.10000.obj a.-0003.obj a.-004.obj", "a.####.obj", [-4, -3, 1, 20, 10000]),
-        ("a.0001.obj a.-0003.obj", "a.@@@@.obj", [-3, 1]),
-        ("a.0001.obj a.-0003.obj", "a.%04d.obj", [-3, 1]),
-        ("a.0001.obj a.-0003.obj", "a.$F4.obj", [-3, 1]),
-        ("a.0001.obj a.-0003.obj", "a.${F4}.obj", [-3, 1]),
-        ("a.0001.obj a.-0003.obj", "a.<frame>.obj", [-3, 1]),
+        *(
+            ("a.0001.obj a.-0003.obj", f"a.{token}.obj", [-3, 1])
+            for token in ("@@@@", "%04d", "$F4", "${F4}", "<frame>", "<FRAME04>")
+        ),
         ("a.0001.obj a.10.obj", "a.<f>.obj", [1, 10]),
-        ("a.0001.obj a.-0003.obj", "a.<FRAME04>.obj", [-3, 1]),
-        ("a.1.obj a.10.obj a.-3.obj", "a.%d.obj", [-3, 1, 10]),
-        ("a.1.obj a.10.obj a.-3.obj", "a.$F.obj", [-3, 1, 10]),
-        ("a.1.obj a.10.obj", "a.#.obj", [1, 10]),
-        ("a.1.obj a.10.obj", "a.@.obj", [1, 10]),
+        *(("a.1.obj a.10.obj a.-3.obj", f"a.{token}.obj", [-3, 1, 10]) for token in ("%d", "$F")),
+        *(("a.1.obj a.10.obj", f"a.{token}.obj", [1, 10]) for token in "#@"),
         ("a-0001.obj a-0002.obj", "a-####.obj", [1, 2]),
         ("a.-0001.obj a.0002.obj", "a.-####.obj", [-1]),
         ("a-0001.obj a0000.obj", "a####.obj", [-1, 0]),
@@ -106,8 +101,7 @@ def test_tokens_of_a_frame(tmp_path: Path, names: str, pattern: str, expected: l
     ],
 )
 def test_two_readings_are_refused(tmp_path: Path, names: str, patterns: str, message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        found(tmp_path, names, *patterns.split())
+    refused(SceneError, message, found, tmp_path, names, *patterns.split())
 
 
 @pytest.mark.parametrize(
@@ -136,21 +130,15 @@ def test_files_with_other_digits_are_listed(tmp_path: Path) -> None:
 
 def test_tokens_of_a_tile() -> None:
     """OpenImageIO's tokens mean the same here."""
-    for pattern, expected in {
-        "a.<UDIM>": "a.1023",
-        "a.<udim>": "a.1023",
-        "a.%(UDIM)d": "a.1023",
-        "a_<UVTILE>": "a_u3_v3",
-        "a_<uvtile>": "a_u2_v2",
-        "a_<U>_<V>": "a_u3_v3",
-        "a_<u>_<v>": "a_u2_v2",
-        "a_u<U>_v<V>": "a_u3_v3",
-        "a_u<u>_v<v>": "a_u2_v2",
-        "a_%(UVTILE)d": "a_u3_v3",
+    for patterns, expected in {
+        "a.<UDIM> a.<udim> a.%(UDIM)d": "a.1023",
+        "a_<UVTILE> a_<U>_<V> a_u<U>_v<V> a_%(UVTILE)d": "a_u3_v3",
+        "a_<uvtile> a_<u>_<v> a_u<u>_v<v>": "a_u2_v2",
         "a_u%(U)02d_v%(V)02d": "a_u03_v03",
         "menu<U><V>": "menuu3v3",
     }.items():
-        assert tokens.tiled(pattern, 1023) == expected and tokens.has_tile(pattern), pattern
+        for pattern in patterns.split():
+            assert tokens.tiled(pattern, 1023) == expected and tokens.has_tile(pattern), pattern
     assert [tokens.tiled("<UVTILE>", udim) for udim in (1001, 1010, 1011)] == ["u1_v1", "u10_v1", "u1_v2"]
     assert not tokens.has_tile("a.<frame>.$F4.1001.<mesh>")
 
@@ -164,11 +152,9 @@ def test_maps_by_tokens_of_a_tile(tmp_path: Path) -> None:
     for pattern, message in {
         "a_u<U>_v1.png": "some of the tiles 1001, 1011 have the same name: write <UDIM>",
         "b.<UVTILE>.png": r"b\.<UVTILE>\.png: no such file for the tiles 1001, 1011 of mesh$",
-        "a.1001.png": "has 2 tiles",
         "a_<TILE>.png": "has 2 tiles",
     }.items():
-        with pytest.raises(SceneError, match=message):
-            find_maps(str(tmp_path / pattern), "mesh", (1001, 1011))
+        refused(SceneError, message, find_maps, str(tmp_path / pattern), "mesh", (1001, 1011))
     with pytest.raises(SceneError, match=r"no such file .*; the tokens of a tile are <UDIM>, <UVTILE>"):
         find_maps(str(tmp_path / "a_<TILE>.png"), "mesh")
 
@@ -176,9 +162,6 @@ def test_maps_by_tokens_of_a_tile(tmp_path: Path) -> None:
 def test_names_of_frames_have_four_digits() -> None:
     texts = [frames.padded(frame) for frame in (-2, -2.5, -0.5, -12345, 0, 7, 1003.5, 12345)]
     assert texts == ["-0002", "-0002.5", "-0000.5", "-12345", "0000", "0007", "1003.5", "12345"]
-    for text in ("a.$F4.exr", "a.%04d.exr", "a.####.exr", "a.%(UDIM)d.<frame>.exr"):
-        with pytest.raises(Failure, match="is none of <mesh>, "):
-            Pattern(text, {})
 
 
 @pytest.mark.parametrize(

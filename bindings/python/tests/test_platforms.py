@@ -20,17 +20,10 @@ HERE = "linux_x86_64"
 def library(kind: str, processor: int) -> bytes:
     """The head of a shared library."""
     if kind == "pe":
-        return (
-            b"MZ".ljust(60, b"\0")
-            + struct.pack("<I", 128)
-            + bytes(64)
-            + b"PE\0\0"
-            + struct.pack("<H", processor)
-            + bytes(64)
-        )
+        return b"MZ".ljust(60, b"\0") + struct.pack("<I64x4sH64x", 128, b"PE\0\0", processor)
     if kind == "elf":
-        return b"\x7fELF\x02\x01\x01" + bytes(9) + struct.pack("<HH", 3, processor) + bytes(64)
-    return b"\xcf\xfa\xed\xfe" + struct.pack("<I", processor) + bytes(64)
+        return b"\x7fELF\x02\x01\x01" + bytes(9) + struct.pack("<HH64x", 3, processor)
+    return b"\xcf\xfa\xed\xfe" + struct.pack("<I64x", processor)
 
 
 def name_of(value: object) -> str | None:

@@ -1,17 +1,41 @@
-"""The examples in the documents run as they stand there."""
+"""The examples in the documents run as they stand there, and the shaders of docs/games.md compile."""
 
 import os
 import re
 import runpy
 import shlex
+import shutil
+import subprocess
 import sys
+from pathlib import Path
 
+import pytest
 from pxr import Usd
 
 from bake_scenes import run
 from conftest import REPOSITORY
 
 README = REPOSITORY / "bindings" / "python" / "README.md"
+GAMES = REPOSITORY / "docs" / "games.md"
+GLSL = """#version 330
+#define COUNT 8
+{code}
+uniform sampler2D albedo;
+in vec2 uv;
+out vec4 colour;
+void main() {{
+    vec2 at = redirected(uv);
+    colour = textureGrad(albedo, at, dFdx(at), dFdy(at));
+}}
+"""
+HLSL = """#define COUNT 8
+{code}
+Texture2D<float4> albedo;
+float4 main(float2 uv : TEXCOORD0) : SV_Target {{
+    float2 at = redirected(uv);
+    return albedo.SampleGrad(linear_clamp, at, ddx(at), ddy(at));
+}}
+"""
 
 
 def test_examples(capsys):
@@ -59,3 +83,28 @@ def test_the_bake_to_try(tmp_path, monkeypatch):
     assert "4 files written" in told[0] and "0 files written, 4 up to date" in told[1]
     layer = Usd.Stage.Open(str(tmp_path / "shot" / "arm_vrtm.usda"))
     assert layer.GetEndTimeCode() == 24
+
+
+@pytest.mark.parametrize(
+    ("language", "program", "options"),
+    [("glsl", GLSL, []), ("hlsl", HLSL, ["-D", "-V", "-e", "main", "--aml", "--amb"])],
+)
+def test_shaders_compile(tmp_path: Path, language: str, program: str, options: list[str]) -> None:
+    compiler = shutil.which("glslangValidator")
+    if compiler is None:
+        pytest.skip("skipped: no glslangValidator")
+    codes = re.findall(rf"```{language}\n(.*?)```", GAMES.read_text(), re.DOTALL)
+    assert len(codes) == 2, "of 16-bit floats, and of integers"
+    file = tmp_path / "shader.frag"
+    if options:
+        options = [*options, "-o", str(tmp_path / "shader.spv")]
+    for code in codes:
+        file.write_text(program.format(code=code))
+        ended = subprocess.run([compiler, *options, str(file)], capture_output=True, text=True)
+        assert ended.returncode == 0, ended.stdout + ended.stderr
+
+
+def test_the_options_of_the_games_page_are_there() -> None:
+    told = run("bake", "--help-all").stdout
+    for option in set(re.findall(r"--[a-z][a-z-]+", GAMES.read_text())):
+        assert option in told, option

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vrtm
-from conftest import studded
+from conftest import refused, studded
 
 
 def test_reports(asset, model):
@@ -18,6 +18,12 @@ def test_reports(asset, model):
     # The stretched half's studs lose most of their strain.
     assert tile.before.rms > 0.1 and tile.after.rms < 0.2 * tile.before.rms
     assert tile.energy < tile.energy_before
+    # They are shown as tables.
+    lines = repr(report).splitlines()
+    assert lines[0] == "AssetReport" and len(lines) == 1 + len(dataclasses.fields(report))
+    assert lines[1].split() == ["tiles", "1"] and dict(tile.rows())["before.rms"] == f"{tile.before.rms:.6g}"
+    # Settings are written as they are made.
+    assert eval(repr(asset.tile(1001).settings), vars(vrtm)) == asset.tile(1001).settings
 
 
 def test_options_reach_the_library(asset, model):
@@ -45,12 +51,6 @@ def energy(asset, model, **options):
     return report.energy / report.energy_before
 
 
-def test_order_and_threads_do_not_matter(asset, model):
-    first = asset.redirect(model.pose, asset.tiles, threads=1)[0]
-    asset.solve(model.rest)
-    assert np.array_equal(asset.redirect(model.pose, asset.tiles, threads=3)[0], first)
-
-
 def test_redirect_is_solve_and_fetch(asset, model):
     tile = asset.tile(1001)
     out = np.empty((64, 64, 4), np.float16)
@@ -73,13 +73,11 @@ def test_corner_uvs(asset, model):
     assert np.abs(redirection[at[:, 1], at[:, 0]] - uvs).max() < 3 / size
     spaced = np.zeros((len(uvs), 4), np.float32)[:, ::2]
     assert asset.corner_uvs(out=spaced) is spaced and np.array_equal(spaced, uvs)
-    with pytest.raises(vrtm.InvalidArgumentError, match="uv_set"):
-        asset.corner_uvs(3)
+    refused(vrtm.InvalidArgumentError, "uv_set", asset.corner_uvs, 3)
 
 
 def test_refinement(asset, model):
-    with pytest.raises(vrtm.NotSolvedError):
-        asset.refine()
+    refused(vrtm.NotSolvedError, "", asset.refine)
     asset.solve(model.pose)
     with asset.refine(tolerance=1 / 512) as refinement:
         info, pattern = refinement.info, refinement.pattern()
@@ -109,14 +107,3 @@ def test_gpu_agrees(model):
             results.append(asset.redirect(model.pose, asset.tiles)[0])
     assert device.closed
     assert np.abs(results[0] - results[1]).max() < 1e-3
-
-
-def test_reports_are_tables(asset, model):
-    report = asset.solve(model.pose, measure=True)
-    lines = repr(report).splitlines()
-    assert lines[0] == "AssetReport" and len(lines) == 1 + len(dataclasses.fields(report))
-    assert lines[1].split() == ["tiles", "1"]
-    tile = asset.tile(1001).report()
-    assert dict(tile.rows())["before.rms"] == f"{tile.before.rms:.6g}"
-    # Settings are written as they are made.
-    assert eval(repr(asset.tile(1001).settings), vars(vrtm)) == asset.tile(1001).settings

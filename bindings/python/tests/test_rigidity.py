@@ -81,14 +81,6 @@ def test_smaller_pictures_are_means(random: np.random.Generator) -> None:
     assert np.abs(rigidity.smaller(values[:3], 8)[0] - values[:3].reshape(3, 8, 4, 4).mean((0, 2))).max() < 1e-6
 
 
-def test_colours() -> None:
-    red = np.zeros((32, 32, 4), np.float32)
-    red[8:20, 8:20] = (0.8, 0.1, 0.1, 1)
-    found = rigidity.of_colour({0: red}, (0.75, 0.15, 0.1), 0.1)[0]
-    assert (found[14, 14], found[2, 2]) == (1, 0)
-    assert rigidity.of_colour({0: red}, (0.1, 0.8, 0.1), 0.1)[0].max() == 0
-
-
 def test_what_stands_out_is_found_on_a_slope(random: np.random.Generator) -> None:
     size = 256
     studs, (rows, columns) = discs(size), np.mgrid[0:size, 0:size] / size
@@ -106,6 +98,31 @@ def test_what_stands_out_is_found_on_a_slope(random: np.random.Generator) -> Non
     both = rigidity.of_heights({1001: heights, 1002: flat}, 0.11)
     assert overlap(both[1001], studs) > 0.85 and both[1002].max() == 0
     assert rigidity.of_brightness({1001: studs, 1002: 0.3 * flat})[1002].max() == 0
+
+
+def test_detail_is_where_a_tile_is_drawn_on() -> None:
+    studs, maps = discs(512), {}
+    for size in (512, 1024):
+        stripe = np.full((size, size, 4), 0.5, np.float32)
+        stripe[:, size // 2 :] = 0.9
+        maps[size] = rigidity.fitted(rigidity.of_detail({0: stripe}, ceiling=0.4)[0], (512, 512))
+        assert maps[size][:, 255:257].min() == np.float32(0.4) and maps[size][:, :240].max() == 0
+        assert np.abs(maps[size] - maps[512]).mean() < 1e-3
+        # A contrast that nobody sees.
+        assert rigidity.of_detail({0: 0.5 + stripe / 50})[0].max() == 0
+    coded = rigidity.of_detail({0: stripe})[0]
+    assert np.array_equal(rigidity.of_detail({0: rigidity.light(stripe)}, linear=True)[0], coded)
+    # Nothing is drawn, or in the normal map alone.
+    for shape in ((64, 64), (1, 9, 3), (300, 200, 4)):
+        assert rigidity.of_detail({0: np.full(shape, 0.123, np.float32)})[0].max() == 0
+    flat, turned = np.full((2, 512, 512, 3), 0.5, np.float32)
+    turned[:256, :, 0] = 0.2
+    assert rigidity.of_detail({0: flat}, normals={0: turned})[0][255:257].min() == np.float32(0.3)
+    # Features, and what is close to them, stay as they are; a tile without features has nothing to be held.
+    found = rigidity.of_detail({1001: stripe, 1002: stripe}, {1001: studs, 1002: studs / 3}, ceiling=0.49, margin=4)
+    assert {tuple(values.shape) for values in found.values()} == {(512, 512)}
+    assert found[1001].max() == np.float32(0.49) and found[1002].max() == 0
+    assert found[1001][rigidity.grown(studs, 8) > 0].max() == 0
 
 
 @pytest.fixture
@@ -141,6 +158,41 @@ def test_the_command_writes_a_map_per_tile(skin: Path, source: str, more: tuple[
         map = found[f"rigid.{udim}.png"]
         assert (map.shape, map.dtype) == ((128, 128, 1), np.uint8)
         assert overlap(map[..., 0] / 255, 1 - studs if inverse else studs) > 0.85
+
+
+def test_the_command_adds_detail_to_maps(skin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    studs = {int(name[6:10]): map for name, map in made(skin, "--size", "128").items()}
+    for udim, line in ((1001, 255), (1012, 26)):
+        drawn = np.full((512, 512, 3), 26, np.uint8)
+        drawn[300:, :] = line
+        image(skin / f"drawn.{udim}.png", drawn)
+    rigid = ("--from", "detail", "--and", skin / "out" / "rigid.<UDIM>.png", "--margin", "1")
+    both = made(skin, *rigid, "--out", skin / "out" / "both.<UDIM>.png", source="drawn.<UDIM>.png")
+    for udim, map in studs.items():
+        other = both[f"both.{udim}.png"]
+        assert other.shape == (128, 128, 1) and np.array_equal(other > 127, map > 127)
+        grey = other[(map == 0) & (other > 0)]
+        assert (grey.size > 50, grey.max(initial=0)) == ((True, 76) if udim == 1001 else (False, 0))
+    # Nor is grey beside less rigid features one of them; a tile is not lost.
+    for udim in (1001, 1003):
+        image(skin / f"soft.{udim}.png", (studs[1001] * 0.6).astype(np.uint8))
+    soft = ("--from", "detail", "--and", skin / "soft.<UDIM>.png", "--margin", "1")
+    made(skin, *soft, expect=2)
+    assert "soft.1003.png: " in capsys.readouterr().err
+    (skin / "soft.1003.png").unlink()
+    both = made(skin, *soft, "--out", skin / "out" / "soft.<UDIM>.png", source="drawn.<UDIM>.png")
+    assert both["soft.1001.png"][studs[1001] == 0].max() == 46
+    made(skin, *rigid, "--mask", "--out", skin / "out" / "mask.<UDIM>.png", source="drawn.<UDIM>.png")
+    mask = pixels(skin / "out" / "mask.1001.png")[..., 0]
+    assert mask[75].min() == 0 and mask[:70].min() == 255 and mask[discs(128) > 0].min() == 255
+    # Any maps are joined.
+    image(skin / "square.png", np.pad(np.full((8, 8, 1), 200, np.uint8), ((0, 56), (0, 56), (0, 0))))
+    made(skin, "--and", skin / "square.png", expect=2)
+    assert "square.png: either it and" in capsys.readouterr().err
+    given = ["rigidity", skin / "skin.1001.png", "--and", skin / "square.png", "--out", skin / "one.png"]
+    assert cli.main([str(part) for part in given]) == 0
+    one = pixels(skin / "one.png")[..., 0]
+    assert one.shape == (64, 64) and one[:8, :8].min() >= 200 and one.max() == 255
 
 
 def test_a_map_that_is_there(skin: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,6 +236,11 @@ def test_a_map_of_nothing_is_told(skin: Path, capsys: pytest.CaptureFixture[str]
         (("--from", "colour"), "--from colour: --colour says which"),
         (("--colour", "#ffffff"), "--colour: only with --from colour"),
         (("--feature", "0.1"), "--feature: only with --from height"),
+        (("--mask",), "--mask: only with --from detail"),
+        (("--normal-map", "n.<UDIM>.png"), "--normal-map: only with --from detail"),
+        (("--from", "detail", "--grow", "2"), "--invert, --grow: not with --from detail"),
+        (("--from", "detail", "--ceiling", "0.5"), "'0.5' is not under 0.5"),
+        (("--and", "none.<UDIM>.png"), "none.<UDIM>.png: no such file"),
         (("--from", "colour", "--colour", "#fff000", "--threshold", "0.5"), "--threshold: only with --from brightness"),
         (("--from", "colour", "--colour", "gold"), "'gold' is no colour"),
         (("--from", "colour", "--colour", "1,nan,1"), "'1,nan,1' is no colour"),

@@ -16,22 +16,10 @@ FACES = [0, 3, 4, 1, 1, 4, 5, 2]
 
 
 def write(
-    path: Path,
-    subd=False,
-    samples=3,
-    start=1.0,
-    uvs=UVS,
-    indices=FACES,
-    scope=AbcGeom.GeometryScope.kFacevaryingScope,
-    then=FACES,
-    extra=None,
-    fps=24,
-    shutter=(0,),
-    cyclic=True,
-    hint=None,
+    path: Path, samples=3, start=1.0, extra=None, fps=24, shutter=(0,), cyclic=True, hint=None, **mesh: object
 ) -> str:
     """A mesh /group/mesh whose right edge moves by 0.1 per sample, at so many frames per second. `shutter`: samples
-    around each frame. `then`: the faces after the first sample."""
+    around each frame. `mesh`: arguments of `alembic_scenes.mesh`."""
     archive = Abc.CreateArchiveWithInfo(str(path), hint, "test", "") if hint else Abc.OArchive(str(path))
     if shutter == (0,):
         times = abc.sampled(archive, start, fps)
@@ -45,20 +33,21 @@ def write(
         times = archive.addTimeSampling(sampling)
     poses = [[(x + 0.1 * number * (x == 2), y, z) for x, y, z in POINTS] for number in range(samples)]
     group = AbcGeom.OXform(archive.getTop(), "group")
-    mesh = abc.mesh(group, "mesh", poses, FACES, times, uvs, subd, indices, scope, then)
+    given = {"uvs": UVS, "indices": FACES, "scope": AbcGeom.GeometryScope.kFacevaryingScope} | mesh
+    made = abc.mesh(group, "mesh", poses, FACES, times, **given)
     if extra:
-        extra(mesh.getSchema())
+        extra(made.getSchema())
     return str(path)
 
 
 @pytest.mark.parametrize("subd", [False, True])
 def test_faces_uvs_and_frames(tmp_path: Path, subd: bool) -> None:
-    scene = Scene(write(tmp_path / "a.abc", subd))
+    scene = Scene(write(tmp_path / "a.abc", subd=subd))
     (shape,) = scene.shapes
     assert (shape.name, shape.path, shape.uv_name) == ("mesh", "/group/mesh", "uv")
     assert shape.indices.tolist() == shape.uv_indices.tolist() == FACES and shape.face_counts.tolist() == [4, 4]
     assert shape.uvs.tolist() == [list(uv) for uv in UVS] and shape.rest.tolist() == [list(p) for p in POINTS]
-    assert scene.frames == (1, 2, 3)
+    assert scene.frames == (1, 2, 3) and shape.scheme == ("catmullClark" if subd else "")
     for frame, x in ((0, 2), (1, 2), (2, 2.1), (2.5, 2.15), (3, 2.2), (9, 2.2)):
         assert scene.positions(shape, frame)[2, 0] == pytest.approx(x)
 
@@ -82,7 +71,7 @@ def test_the_rate_is_the_files_own(tmp_path: Path, fps: float) -> None:
         fps == 12
     )
     other = Scene(write(tmp_path / "a.abc", samples=6, start=1001, fps=fps), SceneOptions(fps=17))
-    assert f"/group/mesh: it has {fps:.4g} samples per second, but there are 17 frames" in other.warnings[0]
+    assert f"/group/mesh: it has {fps:.4g} samples per second, but there are 17 frames" in other.rate
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -115,8 +104,9 @@ def test_transforms_have_frames_with_world_alone(tmp_path: Path) -> None:
 
 def test_samples_between_frames_are_told(tmp_path: Path) -> None:
     scene = Scene(write(tmp_path / "a.abc", samples=8, start=10.5), SceneOptions(fps=24))
-    (warning,) = scene.warnings
-    assert warning == "/group/mesh: at 24 per second, samples lie between frames, such as at 10.5"
+    told = "; /group/mesh: at 24 per second, samples lie between frames, such as at 10.5"
+    assert scene.rate == f"24 per second{told}" and not scene.warnings, "a rate that is asked for"
+    assert Scene(tmp_path / "a.abc").warnings == [told[2:]]
     many = Scene(write(tmp_path / "b.abc", samples=24, start=4004, fps=96))
     assert many.frames == tuple(range(1001, 1007))
     assert many.warnings == ["/group/mesh: its 96 samples per second are taken for 24 frames: --fps says otherwise"]
@@ -132,28 +122,48 @@ def test_uvs_per_vertex_and_per_corner(tmp_path: Path) -> None:
         SceneError, match=r"c\.abc /group/mesh: the UV set uv has 6 values of interpolation faceVarying, not 8"
     ):
         Scene(write(tmp_path / "c.abc", indices=None))
-    with pytest.raises(SceneError, match=r"d\.abc: no mesh to bake \(/group/mesh has no UVs\)"):
-        Scene(write(tmp_path / "d.abc", uvs=None))
+
+
+def parameter(schema, kind: str, name: str, values, indices=()) -> None:
+    """Gives a mesh a parameter with a value per vertex, by indices if there are some."""
+    made = getattr(AbcGeom, f"O{kind}GeomParam")(schema.getArbGeomParams(), name, bool(indices), abc.VERTEX, 1)
+    chosen = (abc.array(imath.UnsignedIntArray, indices),) if indices else ()
+    made.set(getattr(AbcGeom, f"O{kind}GeomParamSample")(values, *chosen, abc.VERTEX))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("V3f", "uv"), ("P3f", "st"), ("V3f", "N")])
+def test_uvs_of_three_numbers_are_u_and_v(tmp_path: Path, kind: str, name: str) -> None:
+    def extra(schema) -> None:
+        parameter(schema, kind, name, abc.v3f([(u, v, 0) for u, v in UVS]))
+        parameter(schema, "V2f", "map2", abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS]))
+
+    path = write(tmp_path / "a.abc", uvs=None, extra=extra)
+    if name == "N":
+        with pytest.raises(SceneError, match=r"no mesh to bake \(/group/mesh has no UVs, but map2\)"):
+            Scene(path)
+        return
+    scene = Scene(path)
+    assert scene.shapes[0].uv_name == name and scene.shapes[0].uvs.tolist() == list(map(list, UVS))
+    assert not scene.warnings
 
 
 def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
     def extra(schema) -> None:
-        group = schema.getArbGeomParams()
-        rest, stiff = abc.v3f([(3 * x, y, z) for x, y, z in POINTS]), abc.array(imath.FloatArray, [0, 0.5, 1] * 2)
-        flipped = abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS])
-        for kind, name, values in (("P3f", "Pref", rest), ("Float", "stiff", stiff), ("V2f", "map2", flipped)):
-            made = getattr(AbcGeom, f"O{kind}GeomParam")(group, name, False, abc.VERTEX, 1)
-            made.set(getattr(AbcGeom, f"O{kind}GeomParamSample")(values, abc.VERTEX))
+        parameter(schema, "P3f", "Pref", abc.v3f([(3 * x, y, z) for x, y, z in POINTS]))
+        parameter(schema, "Float", "stiff", abc.array(imath.FloatArray, [0, 0.5, 1] * 2))
+        parameter(schema, "Float", "wrong", abc.array(imath.FloatArray, [0, 1]), [0, 1, 2, 0, 1, 0])
+        parameter(schema, "V2f", "map2", abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS]))
 
     path = write(tmp_path / "a.abc", extra=extra)
-    shape = Scene(path, SceneOptions(rigidity_primvar="stiff", uv="map2")).shapes[0]
+    shape = Scene(path, SceneOptions(rigidity_primvar="stiff", uv=("map2",))).shapes[0]
     assert shape.rest[5].tolist() == [6, 1, 0] and shape.vertex_rigidity.tolist() == [0, 0.5, 1, 0, 0.5, 1]
     assert shape.uv_name == "map2" and shape.uvs[2].tolist() == [0, 1] and shape.vertex_mask is None
     assert Scene(path, SceneOptions(rest="frame:3")).shapes[0].rest[2, 0] == pytest.approx(2.2)
     for options, message in (
         (SceneOptions(rest="bind"), "/group/mesh: Alembic has no skeletons"),
+        (SceneOptions(rigidity_primvar="wrong"), "/group/mesh: wrong names a value that it does not have"),
         (SceneOptions(mask_primvar="none"), "no mesh has the primvar 'none' for the mask"),
-        (SceneOptions(uv="none", meshes=("mesh",)), "/group/mesh: has no UVs 'none'"),
+        (SceneOptions(uv=("none",), meshes=("mesh",)), "/group/mesh: has no UVs 'none'"),
         (SceneOptions(meshes=("hat",)), "'hat' is no mesh of the scene"),
     ):
         with pytest.raises(SceneError, match=message):
@@ -253,10 +263,7 @@ def test_a_wheel_that_cannot_be_loaded_says_why(tmp_path: Path, monkeypatch, tex
     with pytest.raises(SceneError, match="which cannot be loaded: ") as raised:
         Scene(path)
     assert told in str(raised.value) and "pip install" not in str(raised.value)
-
-
-def test_without_the_wheel_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Without it the error names the extra.
     monkeypatch.setitem(sys.modules, "alembic3d", None)
-    forget(monkeypatch, "vrtm.bake.scene.alembic")
     with pytest.raises(SceneError, match=r"alembic3d: pip install 'vrtm\[alembic\]'"):
-        Scene(write(tmp_path / "a.abc"))
+        Scene(path)

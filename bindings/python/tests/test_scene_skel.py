@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdSkel
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel
 
 import scenes
+from bake_scenes import opened
 from scenes import saved
+from vrtm.bake.failure import Failure
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 
@@ -16,8 +18,12 @@ def arm(tmp_path: Path) -> Usd.Stage:
     return scenes.arm(tmp_path / "arm.usda")
 
 
+@pytest.mark.parametrize("specifier", [Sdf.SpecifierDef, Sdf.SpecifierOver])
 @pytest.mark.parametrize("frame", [1, 3, 5.5, 7, 10])
-def test_joints_and_blend_shapes_with_an_in_between(arm: Usd.Stage, frame: float) -> None:
+def test_joints_and_blend_shapes_with_an_in_between(arm: Usd.Stage, frame: float, specifier: Sdf.Specifier) -> None:
+    # Also as a prototype, which an over keeps out of the stage.
+    UsdGeom.PointInstancer.Define(arm, "/many").CreatePrototypesRel().SetTargets(["/arm"])
+    arm.GetPrimAtPath("/arm").SetSpecifier(specifier)
     scene = Scene(saved(arm))
     # Animations are interpolated along the arc between two frames, weights linearly.
     assert scene.positions("skin", frame) == pytest.approx(scenes.arm_at((frame - 1) / 9), abs=1e-5)
@@ -95,9 +101,26 @@ def test_a_binding_that_cannot_pose_is_an_error(arm: Usd.Stage) -> None:
         Scene(saved(arm)).positions("skin", 2)
 
 
+@pytest.mark.parametrize(
+    ("odd", "named", "why"),
+    [
+        ("/arm", "/arm/skin has skel:skeleton", "it is not below a SkelRoot"),
+        ("/arm/skin", "/arm/skin has skel:skeleton", "the API SkelBindingAPI is not applied to it"),
+        ("/arm/skeleton", "/arm/skeleton has skel:animationSource", "the API SkelBindingAPI is not applied to it"),
+    ],
+)
+def test_a_skeleton_that_moves_nothing_is_told(arm: Usd.Stage, odd: str, named: str, why: str) -> None:
+    arm.GetPrimAtPath(odd).RemoveAPI(UsdSkel.BindingAPI)
+    arm.GetPrimAtPath("/arm").SetTypeName("SkelRoot" if odd != "/arm" else "Xform")
+    told = f"/arm/skin: no skeleton moves it: {named}, which is ignored, since {why}"
+    assert Scene(saved(arm)).warnings == [told]
+    # The error that nothing is to be baked has the reason.
+    with pytest.raises(Failure, match=f"nothing deforms: .*; {told}$"):
+        opened(Path(saved(arm)), rigidity="none.png")
+
+
 def test_meshes_beside_a_skinned_one(arm: Usd.Stage) -> None:
     scenes.stretch(scenes.mesh(arm, "/arm/prop"), [1, 5])
     scene = Scene(saved(arm))
     assert [shape.name for shape in scene.shapes] == ["skin", "prop"]
     assert scene.positions("prop", 5)[2].tolist() == pytest.approx([2.4, 0, 0])
-    assert UsdGeom.Mesh(arm.GetPrimAtPath("/arm/prop"))

@@ -8,11 +8,12 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
+from bake_scenes import opened
 from shots import write_corner_uvs
 from vrtm.bake import arguments, parsing
 from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.layer.write import write_layer
-from vrtm.bake.scene import Scene, SceneError, SceneOptions, timing
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 FILE = SceneOptions(fps="file")
 
@@ -71,6 +72,28 @@ def test_time_codes_that_are_no_frames_are_told(tmp_path: Path) -> None:
         (warning,) = Scene(tmp_path / f"{name}.usda").warnings
         assert expected in warning
     assert not Scene(tmp_path / "c.usda", SceneOptions(fps=25)).warnings
+    # A rate that is asked for needs no warning.
+    animated(tmp_path / "e.usda", range(1, 39), 60, 24)
+    for fps in (24, "file"):
+        scene = Scene(tmp_path / "e.usda", SceneOptions(fps=fps))
+        assert not [warning for warning in scene.warnings if "between" in warning]
+        told = "; /mesh: 31 of its 38 samples lie between frames, such as at 0.4, and are not baked"
+        assert scene.rate == f"24 per second (timeCodesPerSecond 60){told}"
+    with opened(tmp_path / "e.usda", SceneOptions(fps=24), frames=(1, 2)) as work:
+        # Nor does it name the ends of the range, which are no frames.
+        assert [entry.line() for entry in work.left_out] == ["all but 2 of 15 frames: not in --frames"]
+
+
+@pytest.mark.parametrize("ends", [(1.0000000000000002, 5.999999999999999), (-1.9999999999999998, 3), (0.9999, 6.0001)])
+def test_ends_that_are_off_by_rounding_are_whole(tmp_path: Path, ends) -> None:
+    whole = tuple(range(round(ends[0]), round(ends[1]) + 1))
+    stage = animated(tmp_path / "a.usda", [ends[0], *whole[1:-1], ends[1]], ends=ends)
+    for name in ("", "startTimeCode", "endTimeCode"):
+        # Without a range the first and the last sample are the ends.
+        _ = name and stage.ClearMetadata(name)
+        stage.Save()
+        scene = Scene(tmp_path / "a.usda")
+        assert scene.frames == whole and not scene.warnings and not scene.left_out
 
 
 @pytest.mark.parametrize(
@@ -155,21 +178,6 @@ def test_files_are_bound_at_the_time_code_of_their_pose(tmp_path: Path) -> None:
         assert found.Get(frame / 24).path == f"./map.{frame}.exr"
         assert corners.Get(frame / 24)[0] == (frame, frame)
     assert found.GetTimeSamples() == [frame / 24 for frame in range(25)]
-
-
-def test_rates_of_samples() -> None:
-    def rate(times, fps: float) -> float | None:
-        return timing.rate([time / fps for time in times])
-
-    whole = range(1001, 1010)
-    for fps in (23.976, 24, 25, 29.97, 30, 48, 50, 59.94, 60):
-        assert rate(whole, fps) == pytest.approx(fps, rel=1e-5), fps
-        assert rate(around(whole, (-0.25, 0, 0.25)), fps) == pytest.approx(fps, rel=1e-4), fps
-    # Four samples in each frame, and one of two frames.
-    assert rate(around(whole, (0, 0.25, 0.5, 0.75)), 24) == 24 and rate(range(1001, 1021, 2), 24) == 24
-    assert rate(around(whole, (0, 0.25, 0.5, 0.75)), 25) == 25
-    assert rate((1, 5, 7, 20, 21), 24) is None and rate((1,), 24) is None
-    assert timing.Clock(1, 24).time(12) == 0.5 and timing.Clock(1, 24).frame(0.5) == 12
 
 
 def test_rates_that_cannot_be(tmp_path: Path) -> None:

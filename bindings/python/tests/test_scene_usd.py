@@ -1,6 +1,7 @@
 """Meshes of USD stages, as vrtm takes them, and the choice of their UV sets."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,11 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
-from scenes import saved
+from scenes import UVS, saved
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 from vrtm.bake.scene.topology import unique_names
 
-FACE_VARYING = [scenes.UVS[vertex] for vertex in scenes.INDICES]
+FACE_VARYING = [UVS[vertex] for vertex in scenes.INDICES]
 
 
 @pytest.fixture
@@ -30,17 +31,19 @@ def corner_uvs(shape) -> np.ndarray:
 @pytest.mark.parametrize(
     ("values", "interpolation", "indices"),
     [
-        (scenes.UVS, "vertex", None),
-        (scenes.UVS, "varying", None),
-        (scenes.UVS[::-1], "vertex", [5, 4, 3, 2, 1, 0]),
+        (UVS, "vertex", None),
+        (UVS, "varying", None),
+        (UVS[::-1], "vertex", [5, 4, 3, 2, 1, 0]),
         (FACE_VARYING, "faceVarying", None),
-        (scenes.UVS, "faceVarying", scenes.INDICES),
+        (UVS, "faceVarying", scenes.INDICES),
         ([(0, 1), (0.5, 0.5)], "uniform", None),
         ([(0.5, 0.5)], "constant", None),
     ],
 )
 def test_uvs_of_any_interpolation_are_those_of_corners(stage: Usd.Stage, values, interpolation, indices) -> None:
-    scenes.mesh(stage, "/mesh", uvs=values, interpolation=interpolation, indices=indices)
+    mesh = scenes.mesh(stage, "/mesh", uvs=values, interpolation=interpolation, indices=indices)
+    # Left-handed meshes keep the order of their corners.
+    mesh.CreateOrientationAttr("leftHanded")
     expected = FACE_VARYING if len(values) > 2 else np.repeat(values, 8 // len(values), axis=0)
     with Scene(saved(stage)) as scene:
         (shape,) = scene.shapes
@@ -58,15 +61,31 @@ def test_inherited_uvs(stage: Usd.Stage) -> None:
     assert np.array_equal(corner_uvs(Scene(saved(stage)).shapes[0]), np.full((8, 2), (0.25, 0.75)))
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "third"),
+    [("TexCoord3fArray", "map1", 0), ("TexCoord3dArray", "st", 1), ("Float3Array", "uv", 0), ("Half3Array", "st", 2)],
+)
+def test_uvs_of_three_numbers_are_u_and_v(stage: Usd.Stage, kind: str, name: str, third: int) -> None:
+    mesh = scenes.mesh(stage, "/mesh", uvs=None)
+    scenes.primvar(mesh.GetPrim(), name, getattr(scenes.TYPES, kind), [(u, v, third * v) for u, v in UVS], "vertex")
+    scene = Scene(saved(stage))
+    assert scene.shapes[0].uv_name == name and np.array_equal(corner_uvs(scene.shapes[0]), FACE_VARYING)
+    told = ["/mesh: its UVs have three numbers, the third of which is left out"]
+    assert scene.warnings == told[: third > 0]
+
+
 def test_values_that_were_not_authored_and_holes_leave_faces_without_uvs(stage: Usd.Stage) -> None:
-    values, indices = [(9, 9), *scenes.UVS], [1, 2, 5, 4, 0, 3, 6, 5]
+    values, indices = [(9, 9), *UVS], [1, 2, 5, 4, 0, 3, 6, 5]
     mesh = scenes.mesh(stage, "/mesh", uvs=values, interpolation="faceVarying", indices=indices)
     UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").SetUnauthoredValuesIndex(0)
-    assert Scene(saved(stage)).shapes[0].uv_indices.tolist() == [1, 2, 5, 4, -1, -1, -1, -1]
+    scene = Scene(saved(stage))
+    assert scene.shapes[0].uv_indices.tolist() == [1, 2, 5, 4, -1, -1, -1, -1]
+    assert scene.warnings == ["/mesh: 1 of its 2 faces are without UVs: nothing is baked there"]
     mesh.CreateHoleIndicesAttr([0])
     mesh.GetHoleIndicesAttr().Set([0])
     UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").SetUnauthoredValuesIndex(-1)
-    assert Scene(saved(stage)).shapes[0].uv_indices.tolist() == [-1, -1, -1, -1, 0, 3, 6, 5]
+    scene = Scene(saved(stage))
+    assert scene.shapes[0].uv_indices.tolist() == [-1, -1, -1, -1, 0, 3, 6, 5] and not scene.warnings
 
 
 def test_which_uv_set(stage: Usd.Stage) -> None:
@@ -74,10 +93,10 @@ def test_which_uv_set(stage: Usd.Stage) -> None:
     assert Scene(saved(stage)).shapes[0].uv_name == "map1"
     scenes.primvar(mesh.GetPrim(), "st_redirected", scenes.TYPES.TexCoord2fArray, FACE_VARYING, "faceVarying")
     assert Scene(saved(stage)).shapes[0].uv_name == "map1", "an earlier bake's primvar is no UV set of the artist's"
-    other = [(u / 2, v) for u, v in scenes.UVS]
+    other = [(u / 2, v) for u, v in UVS]
     scenes.primvar(mesh.GetPrim(), "map2", scenes.TYPES.Float2Array, other, "vertex")
     assert Scene(saved(stage)).shapes[0].uv_name == "map1", "a primvar whose role is a texture coordinate comes first"
-    shape = Scene(saved(stage), SceneOptions(uv="map2")).shapes[0]
+    shape = Scene(saved(stage), SceneOptions(uv=("map2",))).shapes[0]
     assert shape.uv_name == "map2" and shape.uvs[2].tolist() == [0.5, 0]
     scenes.primvar(mesh.GetPrim(), "map3", scenes.TYPES.TexCoord2fArray, other, "vertex")
     with pytest.raises(SceneError, match=r"a\.usda /mesh: several UV sets \(map1, map3\)"):
@@ -85,7 +104,16 @@ def test_which_uv_set(stage: Usd.Stage) -> None:
     scenes.primvar(mesh.GetPrim(), "st", scenes.TYPES.TexCoord2fArray, other, "vertex")
     assert Scene(saved(stage)).shapes[0].uv_name == "st"
     with pytest.raises(SceneError, match=r"no mesh to bake.*/mesh has no UVs 'none'"):
-        Scene(saved(stage), SceneOptions(uv="none"))
+        Scene(saved(stage), SceneOptions(uv=("none",)))
+    # What cannot be taken, or not without being named, is told.
+    mesh.GetPrim().GetAttribute("primvars:st").SetTypeName(scenes.TYPES.Color3fArray)
+    with pytest.raises(SceneError, match=r"/mesh has no UVs 'st': primvars:st is a color3f\[\]\)"):
+        Scene(saved(stage), SceneOptions(uv=("st",)))
+    bald = scenes.mesh(stage, "/bald", uvs=None)
+    scenes.primvar(bald.GetPrim(), "map9", scenes.TYPES.Float3Array, [(u, v, 0) for u, v in UVS], "vertex")
+    assert Scene(saved(stage), SceneOptions(meshes=("/bald",), uv=("map9",))).shapes[0].uv_name == "map9"
+    with pytest.raises(SceneError, match="/bald: has no UVs, but map9 of three numbers, which --uv can name"):
+        Scene(saved(stage), SceneOptions(meshes=("/bald",)))
 
 
 def test_time_samples_and_frames(tmp_path: Path) -> None:
@@ -96,9 +124,6 @@ def test_time_samples_and_frames(tmp_path: Path) -> None:
     assert scene.positions("mesh", 2)[2].tolist() == pytest.approx([2.1, 0, 0])
     assert scene.positions("mesh", 4)[2].tolist() == pytest.approx([2.2, 0, 0])
     assert scene.shapes[0].rest[2].tolist() == pytest.approx([2.1, 0, 0]), "the first frame"
-    bare = scenes.stage(tmp_path / "b.usda", None)
-    scenes.stretch(scenes.mesh(bare, "/mesh"), [3, 7])
-    assert Scene(saved(bare)).frames == (3, 4, 5, 6, 7)
     still = scenes.stage(tmp_path / "c.usda", None)
     scenes.mesh(still, "/mesh")
     assert Scene(saved(still)).frames == (1,) and scene.warnings == Scene(saved(still)).warnings == []
@@ -109,7 +134,7 @@ def test_frames_that_cannot_be_meant_are_told(tmp_path: Path) -> None:
     scenes.stretch(scenes.mesh(between, "/mesh"), [0.25, 0.5, 0.75])
     scene = Scene(saved(between))
     assert scene.frames == (0,)
-    assert scene.warnings == [f"{scene.path}: no frame from 0.25 to 0.75 is a whole number: frame 0 alone is baked"]
+    assert scene.warnings == [f"{scene.path}: no frame from 0.25 to 0.75 is whole: frame 0 alone is baked"]
     assert [(entry.frames, entry.meant) for entry in scene.left_out] == [((0.25, 0.75), True)]
     between.SetStartTimeCode(-0.5)
     between.SetEndTimeCode(2)
@@ -120,12 +145,6 @@ def test_frames_that_cannot_be_meant_are_told(tmp_path: Path) -> None:
     scene = Scene(saved(backwards))
     assert scene.frames == (3, 4, 5)
     assert scene.warnings == [f"{scene.path}: its start time code, 10, is after its end, 2: its time samples count"]
-
-
-def test_left_handed_meshes_keep_the_order_of_their_corners(stage: Usd.Stage) -> None:
-    scenes.mesh(stage, "/mesh", uvs=FACE_VARYING, interpolation="faceVarying").CreateOrientationAttr("leftHanded")
-    shape = Scene(saved(stage)).shapes[0]
-    assert shape.indices.tolist() == scenes.INDICES and np.array_equal(corner_uvs(shape), np.array(FACE_VARYING))
 
 
 def test_hidden_meshes_are_left_out(stage: Usd.Stage) -> None:
@@ -158,7 +177,7 @@ def test_hidden_meshes_are_left_out(stage: Usd.Stage) -> None:
 
 def test_choice_of_meshes_and_names(stage: Usd.Stage) -> None:
     for path in ("/a/body", "/b/body", "/b/Hat", "/b/hat", "/b/bald"):
-        scenes.mesh(stage, path, uvs=None if path == "/b/bald" else scenes.UVS)
+        scenes.mesh(stage, path, uvs=None if path == "/b/bald" else UVS)
     path = saved(stage)
     assert [shape.name for shape in Scene(path).shapes] == ["a_body", "b_body", "b_Hat", "b_hat_2"]
     for wanted, found in {
@@ -195,6 +214,10 @@ def test_names_differ_in_more_than_the_case_of_letters() -> None:
     names = unique_names(["/a/b", "/a_b", "/c/b", "/\u00fc", "/u\u0308"], warnings)
     assert names == ["a_b", "a_b_2", "c_b", "\u00fc", "u\u0308_2"]
     assert warnings[0] == "/a_b: <mesh> stands for a_b_2, since it stands for a_b of /a/b" and len(warnings) == 2
+    # Of long ones the end, which tells more of a path, and whole letters.
+    (first, second, third), short = unique_names([f"/{c * 300}" for c in "xx\u5b57"], warnings), "x" * 160
+    assert (first, second, third) == (short, f"{short}_2", "\u5b57" * 53)
+    assert warnings[2] == f"/{'x' * 300}: <mesh> stands for {short}, since its name is too long"
 
 
 def test_instances_in_the_same_pose_are_one_shape(stage: Usd.Stage) -> None:
@@ -209,13 +232,20 @@ def test_instances_in_the_same_pose_are_one_shape(stage: Usd.Stage) -> None:
     assert scene.positions("mesh", 5)[2].tolist() == pytest.approx([2.4, 0, 0])
 
 
-def test_prototypes_of_point_instancers_are_shapes(stage: Usd.Stage) -> None:
-    instancer = UsdGeom.PointInstancer.Define(stage, "/many")
-    scenes.mesh(stage, "/many/prototypes/stud")
-    instancer.CreatePrototypesRel().SetTargets(["/many/prototypes/stud"])
-    instancer.CreateProtoIndicesAttr([0, 0, 0])
-    instancer.CreatePositionsAttr([(0, 0, 0), (3, 0, 0), (6, 0, 0)])
-    assert [shape.path for shape in Scene(saved(stage)).shapes] == ["/many/prototypes/stud"]
+@pytest.mark.parametrize("specifier", [Sdf.SpecifierDef, Sdf.SpecifierOver, Sdf.SpecifierClass])
+def test_prototypes_of_point_instancers_are_shapes(stage: Usd.Stage, specifier: Sdf.Specifier) -> None:
+    # A prototype of two instancers, one of which is a prototype itself.
+    scenes.stretch(scenes.mesh(stage, "/many/prototypes/group/stud"), [2, 4])
+    for path, target in (("/many", "group"), ("/more", "inner"), ("/many/prototypes/inner", "group/stud")):
+        instancer = UsdGeom.PointInstancer.Define(stage, path)
+        instancer.CreatePrototypesRel().SetTargets([f"/many/prototypes/{target}"])
+        instancer.CreateProtoIndicesAttr([0, 0])
+        instancer.CreatePositionsAttr([(0, 0, 0), (3, 0, 0)])
+    stage.GetPrimAtPath("/many/prototypes").SetSpecifier(specifier)
+    stage.ClearMetadata("startTimeCode")
+    stage.ClearMetadata("endTimeCode")
+    scene = Scene(saved(stage))
+    assert [shape.path for shape in scene.shapes] == ["/many/prototypes/group/stud"] and scene.frames == (2, 3, 4)
 
 
 def test_variants(stage: Usd.Stage) -> None:
@@ -285,11 +315,29 @@ def test_values_per_vertex(stage: Usd.Stage) -> None:
     scenes.primvar(prim, "vertices", plain, [0, 0.5, 1], "vertex", [0, 1, 2, 2, 1, 0])
     scenes.primvar(prim, "all", plain, [0.25], "constant")
     scenes.primvar(prim, "faces", plain, [0, 1], "uniform")
-    scenes.primvar(prim, "corners", plain, [0, 0, 0, 0, 1, 1, 1, 0], "faceVarying")
+    corners = scenes.primvar(prim, "corners", plain, [0, 0, 0, 0, 1, 1, 1, 0], "faceVarying")
+    for time in (1, 5):
+        corners.Set(corners.Get(), time)
     scenes.primvar(prim, "displayColor", colour, [(0.5, 0.5, 0.5), (1, 0, 0), *[(1, 1, 1)] * 4], "vertex")
     scenes.primvar(prim, "few", plain, [1, 2], "vertex")
     scenes.primvar(prim, "words", scenes.TYPES.StringArray, ["a"] * 6, "vertex")
+    # Indices of other integers, two of which name no value, and values that change.
+    scenes.primvar(prim, "some", plain, [0.25, 1], "vertex").GetAttr().Set([0.5, 1], 1)
+    prim.GetAttribute("primvars:some").Set([0.75, 1], 2)
+    prim.CreateAttribute("primvars:some:indices", scenes.TYPES.Int64Array).Set([0, -1, 1, 1, 0, -1])
+    prim.CreateAttribute("primvars:few:indices", scenes.TYPES.UIntArray).Set([0, 1, 2, 0, 0, 0])
+    pref = scenes.primvar(prim, "Pref", scenes.TYPES.Point3fArray, scenes.POINTS, "vertex", [0, 1, 2, 3, 4, -1])
+    with pytest.raises(SceneError, match="primvars:Pref has no value in 1 places"):
+        Scene(saved(stage))
+    pref.GetAttr().Block()
     path = saved(stage)
+    for option, value in (("rigidity", 0), ("mask", 1)):
+        scene = Scene(path, SceneOptions(**{f"{option}_primvar": "some"}))
+        assert getattr(scene.shapes[0], f"vertex_{option}").tolist() == [0.5, value, 1, 1, 0.5, value]
+        assert scene.warnings == [
+            "/mesh: primvars:some changes over time; it is read at time code 1",
+            f"/mesh: primvars:some has no value in 2 of 6 places: {value} is taken there",
+        ]
     for name, expected in {
         "vertices": [0, 0.5, 1, 1, 0.5, 0],
         "primvars:all": [0.25] * 6,
@@ -297,11 +345,13 @@ def test_values_per_vertex(stage: Usd.Stage) -> None:
         "corners": [0, 0.5, 1, 0, 0, 1],
         "displayColor": [0.5, 0.2126, 1, 1, 1, 1],
     }.items():
-        shape = Scene(path, SceneOptions(rigidity_primvar=name, mask_primvar="vertices")).shapes[0]
+        scene = Scene(path, SceneOptions(rigidity_primvar=name, mask_primvar="vertices"))
+        (shape,) = scene.shapes
+        assert not scene.warnings
         assert shape.vertex_rigidity.tolist() == pytest.approx(expected), name
         assert shape.vertex_rigidity.dtype == np.float32 and shape.vertex_mask[2] == 1
     for name, message in {
-        "few": "primvars:few has 2 values of interpolation vertex, not 6",
+        "few": "primvars:few:indices has 2, but there are 2 values",
         "words": r"primvars:words is a string\[\], not numbers",
         "none": "no mesh has the primvar 'none' for the rigidity",
     }.items():
@@ -319,12 +369,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     }.items():
         with pytest.raises(SceneError, match=message):
             Scene(tmp_path / name)
-    stage = scenes.stage(tmp_path / "a.usda")
-    scenes.mesh(stage, "/bald", uvs=None)
-    with pytest.raises(SceneError, match=r"no mesh to bake.*/bald has no UVs"):
-        Scene(saved(stage))
     wrongs = {
-        "few_uvs": ({"uvs": scenes.UVS[:3]}, "primvars:st has 3 values of interpolation vertex, not 6"),
         "few_corners": ({"faces": scenes.INDICES[:7]}, "the faces have 8 corners, but 7 vertices are listed"),
         "no_vertex": ({"faces": [*scenes.INDICES[:7], 6]}, "corner 7 names the vertex 6, but there are 6"),
         "no_uv": (
@@ -359,23 +404,11 @@ def test_topology_that_changes_is_named_with_its_time_code(stage: Usd.Stage, tmp
         Scene(saved(stage)).positions("mesh", 2)
 
 
-BAKE = SceneOptions(skip_still=True)
+BAKE = SceneOptions(lenient=True)
 
 
 def uv_set(prim: UsdGeom.Mesh, name: str) -> None:
-    scenes.primvar(prim.GetPrim(), name, scenes.TYPES.TexCoord2fArray, scenes.UVS, "vertex")
-
-
-def two(path: Path) -> Usd.Stage:
-    """A body with `st`, and a jacket with two other sets; both are stretched."""
-    stage = scenes.stage(path)
-    body = scenes.mesh(stage, "/body")
-    jacket = scenes.mesh(stage, "/jacket", name="UVMap")
-    uv_set(jacket, "lightmap")
-    for prim in (body, jacket):
-        scenes.stretch(prim, (1, 2, 3))
-    stage.Save()
-    return stage
+    scenes.primvar(prim.GetPrim(), name, scenes.TYPES.TexCoord2fArray, UVS, "vertex")
 
 
 def chosen(path: Path, *names: str) -> dict[str, str]:
@@ -384,42 +417,57 @@ def chosen(path: Path, *names: str) -> dict[str, str]:
 
 def test_each_mesh_takes_the_first_uv_set_that_it_has(tmp_path: Path) -> None:
     path = tmp_path / "a.usda"
-    stage = two(path)
+    stage = scenes.stage(path)
+    body, jacket = scenes.mesh(stage, "/body"), scenes.mesh(stage, "/jacket", name="UVMap")
+    uv_set(jacket, "lightmap")
+    for prim in (body, jacket):
+        scenes.stretch(prim, (1, 2, 3))
+    stage.Save()
     with pytest.raises(SceneError, match=r"/jacket: several UV sets \(UVMap, lightmap\).* --uv UVMap st"):
         Scene(path, BAKE)
     assert chosen(path, "UVMap", "st") == chosen(path, "st", "none", "UVMap") == {"/body": "st", "/jacket": "UVMap"}
     assert chosen(path, "lightmap", "UVMap", "st") == {"/body": "st", "/jacket": "lightmap"}
     # Those that have none of them are named, with what they have.
-    scene = Scene(path, SceneOptions(uv=("UVMap", "UVMap2"), skip_still=True))
+    scene = Scene(path, SceneOptions(uv=("UVMap", "UVMap2"), lenient=True))
     assert [shape.path for shape in scene.shapes] == ["/jacket"]
     (entry,) = scene.left_out
     assert (entry.mesh, entry.meant) == ("/body", False) and entry.why == "has no UVs 'UVMap' or 'UVMap2', but st"
     # The jacket alone is asked for.
-    uv_set(UsdGeom.Mesh.Get(stage, "/jacket"), "st")
+    uv_set(jacket, "st")
     stage.Save()
     assert chosen(path, "UVMap", "st") == {"/body": "st", "/jacket": "UVMap"}
     assert {shape.uv_name for shape in Scene(path, BAKE).shapes} == {"st"}
 
 
-def test_a_still_mesh_does_not_end_a_bake(tmp_path: Path) -> None:
+def test_a_mesh_that_cannot_be_read_does_not_end_a_bake(tmp_path: Path) -> None:
     path = tmp_path / "a.usda"
     stage = scenes.stage(path)
-    scenes.stretch(scenes.mesh(stage, "/body"), (1, 2, 3))
     prop = scenes.mesh(stage, "/prop", name="UVMap")
     uv_set(prop, "lightmap")
-    # As many UVs as a mesh of other faces has.
-    scenes.mesh(stage, "/broken", uvs=scenes.UVS[:3])
+    # As many UVs as a mesh of other faces has, and a mesh that the file with the rest lacks.
+    scenes.mesh(stage, "/broken", uvs=UVS[:3])
+    for mesh in ("/body", "/hat"):
+        scenes.stretch(scenes.mesh(stage, mesh), (1, 2, 3))
     stage.Save()
-    scene = Scene(path, BAKE)
-    assert [shape.path for shape in scene.shapes] == ["/body"]
-    told = {entry.mesh: entry for entry in scene.left_out}
-    assert told["/prop"].why == "nothing deforms there, and it has several UV sets" and told["/prop"].meant
-    assert "it cannot be read: primvars:st has 3 values" in told["/broken"].why and not told["/broken"].meant
+    rest = scenes.stage(tmp_path / "rest.usda")
+    scenes.mesh(rest, "/body")
+    scenes.mesh(rest, "/coat")
+    for options in (BAKE, replace(BAKE, rest=saved(rest))):
+        scene = Scene(path, options)
+        assert [shape.path for shape in scene.shapes] == ["/body", "/hat"][: 1 if options.rest else 2]
+        told = {entry.mesh: (entry.why, entry.meant) for entry in scene.left_out}
+        assert told["/prop"] == ("nothing deforms there, and it has several UV sets", True)
+        assert told["/broken"] == ("cannot be read: primvars:st has 3 values of interpolation vertex, not 6", False)
+    assert "no meshes have the name of /hat" in told["/hat"][0] and not told["/hat"][1]
+    # What --exclude names is not looked at, and a name without a mesh is told.
+    scene = Scene(path, replace(BAKE, exclude=("bro*", "/hat", "/prop", "bodi")))
+    assert [(entry.why, entry.meant) for entry in scene.left_out] == [("named by --exclude", True)] * 3
+    assert scene.warnings == [f"--exclude: {path}: 'bodi' is no mesh of the scene: did you mean body?"]
     # But where it is named, or a pose is not the rest.
     with pytest.raises(SceneError, match="/prop: several UV sets"):
-        Scene(path, SceneOptions(skip_still=True, meshes=("prop",)))
+        Scene(path, SceneOptions(lenient=True, meshes=("prop",)))
     with pytest.raises(SceneError, match="/broken: primvars:st has 3 values"):
-        Scene(path, SceneOptions(skip_still=True, meshes=("/body", "/broken")))
+        Scene(path, SceneOptions(lenient=True, meshes=("/body", "/broken")))
     with pytest.raises(SceneError, match="/prop: several UV sets"):
         Scene(path)
     moved = [(2 * x, y, z) for x, y, z in scenes.POINTS]
@@ -427,22 +475,3 @@ def test_a_still_mesh_does_not_end_a_bake(tmp_path: Path) -> None:
     stage.Save()
     with pytest.raises(SceneError, match="/prop: several UV sets"):
         Scene(path, BAKE)
-
-
-def test_a_rest_file_need_not_have_what_is_still(tmp_path: Path) -> None:
-    stage = scenes.stage(tmp_path / "a.usda")
-    scenes.stretch(scenes.mesh(stage, "/body"), (1, 2, 3))
-    scenes.mesh(stage, "/prop")
-    stage.Save()
-    rest = scenes.stage(tmp_path / "rest.usda")
-    scenes.mesh(rest, "/body")
-    scenes.mesh(rest, "/hat")
-    rest.Save()
-    options = SceneOptions(rest=str(tmp_path / "rest.usda"), skip_still=True)
-    scene = Scene(tmp_path / "a.usda", options)
-    assert [shape.path for shape in scene.shapes] == ["/body"]
-    assert "no meshes have the name of /prop" in scene.left_out[0].why
-    scenes.stretch(UsdGeom.Mesh.Get(stage, "/prop"), (1, 2, 3))
-    stage.Save()
-    with pytest.raises(SceneError, match="no meshes have the name of /prop"):
-        Scene(tmp_path / "a.usda", options)

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bake_scenes import attributes, files, flat, image, opened, pixels, sheet, sheet_arguments
+from bake_scenes import attributes, files, flat, image, opened, pixels, run, sheet, sheet_arguments
 from mirrored import CELLS, mirrored
-from vrtm import cli
 from vrtm.bake import sheet as drawing
 from vrtm.bake import sheet_figures
 from vrtm.bake.mesh_work import MeshWork
@@ -150,19 +149,13 @@ def test_no_part_of_the_figures_is_empty(count: int, height: int) -> None:
     assert longest in (544 - 140 - 130, 0), longest
 
 
-def test_the_sheet_of_a_bake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_sheet_of_a_bake(tmp_path: Path) -> None:
     scene, out = sheet(tmp_path / "shot", frames=3, cells=4), tmp_path / "out"
-    arguments = [*sheet_arguments(scene, out, "--size", 32, "--sheet", "--texture", scene.parent / "colour.<UDIM>.png")]
-
-    def bake(*more: str, expect: int = 0) -> str:
-        assert cli.main([*map(str, arguments), *more]) == expect
-        said = capsys.readouterr()
-        return said.err if expect else said.out
-
+    bake = [*sheet_arguments(scene, out, "--size", 32, "--sheet", "--texture", scene.parent / "colour.<UDIM>.png")]
     path = out / "sheet.png"
-    assert f"sheet: {path}\n" in bake("--dry-run") and not path.exists()
+    assert f"sheet: {path}\n" in run(*bake, "--dry-run").stdout and not path.exists()
     # The one that is stretched the most.
-    assert f"{path}: frame 3\n" in bake()
+    assert f"{path}: frame 3\n" in run(*bake).stdout
     picture = pixels(path)
     assert attributes(path)["vrtm:kind"] == "sheet" and picture.dtype == np.uint8
     # Three columns and two rows of pictures: each has something else than paper in it, less the one of the legend.
@@ -172,10 +165,10 @@ def test_the_sheet_of_a_bake(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         column = paper[80:, 16 + k * (width + 16) :][:, :width]
         assert (~column).mean() > 0.1
     before = files(out)
-    assert f"{path}: frame 3, up to date\n" in bake()
+    assert f"{path}: frame 3, up to date\n" in run(*bake).stdout
     assert files(out) == before
-    assert f"{path}: frame 2\n" in bake("--frames", "1-2")
+    assert f"{path}: frame 2\n" in run(*bake, "--frames", "1-2").stdout
     # One that somebody has drawn on is not replaced.
     image(path, picture)
-    assert str(path) in bake(expect=2)
+    assert str(path) in run(*bake, expect=2).stderr
     assert np.array_equal(pixels(path), picture)

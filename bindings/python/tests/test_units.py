@@ -59,12 +59,9 @@ def test_one_factor_in_all_frames_scales_the_rest(factor: float, pose: Pose) -> 
 
 
 def test_what_the_layers_say_counts_where_lengths_bear_it_out() -> None:
-    def deformed(rest: np.ndarray, frame: int) -> np.ndarray:
-        return bent(rest, frame + 3)
-
-    _, finding = units(lambda rest, frame: 0.01 * deformed(rest, frame), unit=0.01)
+    _, finding = units(lambda rest, frame: 0.01 * bent(rest, frame + 3), unit=0.01)
     assert (finding.factor, finding.reason, finding.warning) == (0.01, "as metersPerUnit says", "")
-    assert units(deformed, unit=0.01)[1] == Finding()
+    assert units(lambda rest, frame: bent(rest, frame + 3), unit=0.01)[1] == Finding()
     # On top of it: a file of the wrong unit.
     _, finding = units(lambda rest, frame: 2.54 * 0.01 * bent(rest, frame), unit=0.01)
     assert finding.factor == pytest.approx(0.0254) and "2.54 times" in finding.warning
@@ -128,12 +125,9 @@ def test_a_unit_that_changes_between_two_frames_is_named(factor: float, ends: bo
 
 
 def test_a_unit_that_cannot_be_told_ends_the_bake_or_is_warned_of() -> None:
-    def deformed(rest: np.ndarray, frame: int) -> np.ndarray:
-        return bent(rest, frame + 4)
-
-    _, finding = units(lambda rest, frame: 12 * deformed(rest, frame))
+    _, finding = units(lambda rest, frame: 12 * bent(rest, frame + 4))
     assert finding.ends and finding.factor == 1 and "--allow-units" in finding.warning
-    _, finding = units(lambda rest, frame: 2.54 * deformed(rest, frame))
+    _, finding = units(lambda rest, frame: 2.54 * bent(rest, frame + 4))
     assert not finding.ends and finding.factor == 1 and "as if one of them were in another unit" in finding.warning
 
 

@@ -222,6 +222,36 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
             self.layout.prop(self, "texels")
 
 
+class VRTM_OT_keep_detail(_OnImage, bpy.types.Operator):
+    """Make a mask in which what the texture shows beside rigid parts, such as brows and lips, is dark: it stays as the
+    pose has it, and plain skin gives way to features"""
+
+    bl_idname = "vrtm.keep_detail"
+    bl_label = "Keep Detail"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        settings, texture, before = obj.vrtm, textures.colour_image(obj), obj.vrtm.mask_image
+        if texture is None:
+            raise Problem(f"{obj.name}: its materials have no Image Texture")
+        channel, shown = "RGBA".index(settings.rigidity_channel), maps.read_image(texture)
+
+        def change(tiles: Tiles) -> Tiles:
+            rigid = {udim: pixels[..., channel] for udim, pixels in tiles.items()}
+            # An image without tiles is repeated on all of them.
+            pictures = {udim: shown.get(udim, shown.get(None)) for udim in rigid}
+            if missing := [udim for udim, pixels in pictures.items() if pixels is None]:
+                raise Problem(f"image {texture.name!r} has no tile {missing[0] or 'that is not a UDIM tile'}")
+            found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=1.0)
+            return {udim: 1 - values for udim, values in found.items()}
+
+        image = made_of(obj, settings.rigidity_image, change)
+        image.name = f"{obj.name} mask"
+        settings.mask_source, settings.mask_image, settings.mask_channel = "IMAGE", image, "R"
+        keep.keep_image(before)
+        live.touch(obj, mesh=False)
+        return f"{obj.name}: {image.name!r} is the mask now; the one before is as it was"
+
+
 class VRTM_OT_new_rigidity(OnObject, bpy.types.Operator):
     """Make a black rigidity image, in which nothing is rigid yet, to be painted on"""
 
@@ -298,5 +328,6 @@ CLASSES = (
     VRTM_OT_rigidity_from_texture,
     VRTM_OT_rigidity_from_heights,
     VRTM_OT_change_rigidity,
+    VRTM_OT_keep_detail,
     VRTM_OT_pack_maps,
 )

@@ -16,113 +16,61 @@ Exceptions carry the library's status and message. The GIL is released in every 
 that solves or changes an asset while another does raises BusyError.
 """
 
-from . import rigidity
-from ._asset import Asset
-from ._carrier import Carried, Carrier
-from ._device import Device, LogEntry, adapters
-from ._errors import (
-    BusyError,
-    CancelledError,
-    DeviceLostError,
-    Error,
-    InternalError,
-    InvalidArgumentError,
-    InvalidHandleError,
-    NotSolvedError,
-    OutOfMemoryError,
-    TimeoutError,
-    UnsupportedError,
-)
-from ._fetch import CarrierFetch, Fetch
-from ._job import Job
-from ._library import path as library_path
-from ._library import version
-from ._options import SolveOptions
-from ._records import (
-    Adapter,
-    AssetInfo,
-    AssetReport,
-    Backend,
-    CarrierInfo,
-    DeviceInfo,
-    FetchKind,
-    Fit,
-    LogCode,
-    LogLevel,
-    MapInfo,
-    OpenBorders,
-    Origin,
-    Overlap,
-    PbdSettings,
-    Quality,
-    RefinementInfo,
-    Seams,
-    Solver,
-    Strain,
-    TileEstimate,
-    TileInfo,
-    TileReport,
-    TileSettings,
-    Weld,
-    WorstFeature,
-)
-from ._refinement import Pattern, Refinement
-from ._tile import Tile
+from . import rigidity as rigidity
+from ._asset import Asset as Asset
+from ._carrier import Carried as Carried
+from ._carrier import Carrier as Carrier
+from ._device import Device as Device
+from ._device import LogEntry as LogEntry
+from ._device import adapters as adapters
+from ._errors import BusyError as BusyError
+from ._errors import CancelledError as CancelledError
+from ._errors import DeviceLostError as DeviceLostError
+from ._errors import Error as Error
+from ._errors import InternalError as InternalError
+from ._errors import InvalidArgumentError as InvalidArgumentError
+from ._errors import InvalidHandleError as InvalidHandleError
+from ._errors import NotSolvedError as NotSolvedError
+from ._errors import OutOfMemoryError as OutOfMemoryError
+from ._errors import TimeoutError as TimeoutError
+from ._errors import UnsupportedError as UnsupportedError
+from ._fetch import CarrierFetch as CarrierFetch
+from ._fetch import Fetch as Fetch
+from ._job import Job as Job
+from ._library import library_path as library_path
+from ._library import version as version
+from ._options import SolveOptions as SolveOptions
+from ._records import Adapter as Adapter
+from ._records import AssetInfo as AssetInfo
+from ._records import AssetReport as AssetReport
+from ._records import Backend as Backend
+from ._records import CarrierInfo as CarrierInfo
+from ._records import DeviceInfo as DeviceInfo
+from ._records import FetchKind as FetchKind
+from ._records import Fit as Fit
+from ._records import LogCode as LogCode
+from ._records import LogLevel as LogLevel
+from ._records import MapInfo as MapInfo
+from ._records import OpenBorders as OpenBorders
+from ._records import Origin as Origin
+from ._records import Overlap as Overlap
+from ._records import PbdSettings as PbdSettings
+from ._records import Quality as Quality
+from ._records import RefinementInfo as RefinementInfo
+from ._records import Seams as Seams
+from ._records import Solver as Solver
+from ._records import Strain as Strain
+from ._records import TileEstimate as TileEstimate
+from ._records import TileInfo as TileInfo
+from ._records import TileReport as TileReport
+from ._records import TileSettings as TileSettings
+from ._records import Weld as Weld
+from ._records import WorstFeature as WorstFeature
+from ._refinement import Pattern as Pattern
+from ._refinement import Refinement as Refinement
+from ._tile import Tile as Tile
 
 __version__ = version()
 
-__all__ = [
-    "Adapter",
-    "Asset",
-    "AssetInfo",
-    "AssetReport",
-    "Backend",
-    "BusyError",
-    "CancelledError",
-    "Carried",
-    "Carrier",
-    "CarrierFetch",
-    "CarrierInfo",
-    "Device",
-    "DeviceInfo",
-    "DeviceLostError",
-    "Error",
-    "Fetch",
-    "FetchKind",
-    "Fit",
-    "InternalError",
-    "InvalidArgumentError",
-    "InvalidHandleError",
-    "Job",
-    "LogCode",
-    "LogEntry",
-    "LogLevel",
-    "MapInfo",
-    "NotSolvedError",
-    "OpenBorders",
-    "Origin",
-    "OutOfMemoryError",
-    "Overlap",
-    "Pattern",
-    "PbdSettings",
-    "Quality",
-    "Refinement",
-    "RefinementInfo",
-    "Seams",
-    "SolveOptions",
-    "Solver",
-    "Strain",
-    "Tile",
-    "TileEstimate",
-    "TileInfo",
-    "TileReport",
-    "TileSettings",
-    "TimeoutError",
-    "UnsupportedError",
-    "Weld",
-    "WorstFeature",
-    "adapters",
-    "library_path",
-    "rigidity",
-    "version",
-]
+# Type checkers take what is imported `as` itself for a part of the package.
+__all__ = [name for name in dir() if not name.startswith("_")]

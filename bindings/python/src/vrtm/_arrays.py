@@ -1,7 +1,5 @@
 """numpy arrays as the library's arrays: as views where their layout allows it, as copies otherwise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

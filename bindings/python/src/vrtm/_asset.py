@@ -107,12 +107,7 @@ class Asset(Owned):
         self._own(handle, library.vrtm_asset_destroy, device._log)
         info = self.info
         self._corners = info.corners
-        self._tiles = tuple(Tile(self, self._tile_handle(index)) for index in range(info.tiles))
-
-    def _tile_handle(self, index: int) -> _abi.vrtm_tile:
-        handle = _abi.vrtm_tile()
-        check(library.vrtm_asset_get_tile(self._handle, index, ctypes.byref(handle)))
-        return handle
+        self._tiles = tuple(Tile(self, index) for index in range(info.tiles))
 
     @property
     def info(self) -> AssetInfo:
@@ -197,9 +192,8 @@ class Asset(Owned):
         points = pinned.vectors("positions", positions, 3, more=1)
         struct, progress = build(pinned, options)
         targets = [fetch.target(pinned) for fetch in fetches]
-        structs = (_abi.vrtm_fetch * max(len(fetches), 1))()
-        for element, fetch, target in zip(structs, fetches, targets):
-            fetch.fill(element, target)
+        wanted = (fetch.struct(target) for fetch, target in zip(fetches, targets))
+        structs = (_abi.vrtm_fetch * max(len(fetches), 1))(*wanted)
 
         def call() -> None:
             status = library.vrtm_asset_redirect(

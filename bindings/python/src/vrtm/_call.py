@@ -1,7 +1,5 @@
 """Long calls that Ctrl-C can cancel."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Carriers: points that are bound to the rest surface, and ride on the warped one."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 from typing import Any
@@ -44,45 +42,34 @@ class Carrier(Owned):
 
     def __init__(self, asset: _abi.vrtm_asset, points: dict[str, Any], settings: dict[str, Any]) -> None:
         given = {name: value for name, value in points.items() if value is not None}
-        bind = {"uvs": "uv", "corners": "corners", "positions": "nearest"}
-        ways = [name for name in bind if name in given]
+        # What each goes with, and its name in the library.
+        known = {"uvs": ("layers", "uv"), "corners": ("weights", "corners"), "positions": ("", "nearest")}
+        ways = [name for name in known if name in given]
         if len(ways) != 1:
             raise ValueError(f"one of uvs, corners and positions says where the points are, not {ways or 'none'}")
-        with_ = {"uvs": {"layers"}, "corners": {"weights"}, "positions": set()}[ways[0]]
-        if wrong := sorted(set(given) - with_ - {ways[0]}):
+        more, bind = known[ways[0]]
+        if wrong := sorted(set(given) - {more, ways[0]}):
             raise ValueError(f"{wrong[0]}: does not go with {ways[0]}")
         if ways[0] == "corners" and "weights" not in given:
             raise ValueError("weights: missing, three for each point")
         pinned, desc = Pinned(), new(_abi.vrtm_carrier_desc)
-        desc.bind = value_of("bind", bind[ways[0]])
+        desc.bind = value_of("bind", bind)
         desc.fit = value_of("fit", settings["fit"])
         desc.uv_set = natural("uv_set", settings["uv_set"], 32)
         desc.farthest, desc.skirt = settings["farthest"], settings["skirt"]
-        frames = settings["frames"]
-        if frames is not None:
-            frames = floats("frames", frames)
+        given |= {name: settings[name] for name in ("heights", "frames", "pieces") if settings[name] is not None}
+        if "frames" in given:
+            frames = floats("frames", given.pop("frames"))
             frames = frames.reshape(len(frames), 9) if frames.shape[1:] == (3, 3) else frames
-        arrays = {
-            "uvs": (points["uvs"], 2),
-            "weights": (points["weights"], 3),
-            "positions": (points["positions"], 3),
-            "heights": (settings["heights"], 1),
-        }
-        if frames is not None and frames.shape[-1] == 9:
-            arrays["matrices"] = (frames, 9)
-        elif frames is not None:
-            arrays["frames"] = (frames, 4)
-        for name, (value, components) in arrays.items():
-            if value is not None:
-                setattr(desc, name, ctypes.pointer(pinned.vectors(name, value, components)))
-        count = len(np.asarray(points["weights" if ways[0] == "corners" else ways[0]]))
-        for name, value, each in (
-            ("layers", points["layers"], 1),
-            ("corners", points["corners"], 3),
-            ("pieces", settings["pieces"], 1),
-        ):
-            if value is not None:
-                numbers = pinned.indices(name, value, none=name == "pieces")
+            given["matrices" if frames.shape[-1] == 9 else "frames"] = frames
+        vectors = {"uvs": 2, "weights": 3, "positions": 3, "heights": 1, "matrices": 9, "frames": 4}
+        for name, components in vectors.items():
+            if name in given:
+                setattr(desc, name, ctypes.pointer(pinned.vectors(name, given[name], components)))
+        count = len(np.asarray(given["weights" if ways[0] == "corners" else ways[0]]))
+        for name, each in {"layers": 1, "corners": 3, "pieces": 1}.items():
+            if name in given:
+                numbers = pinned.indices(name, given[name], none=name == "pieces")
                 if len(numbers) != each * count:
                     raise ValueError(f"{name}: has {len(numbers)} elements, not {each} for each of {count} points")
                 setattr(desc, name, numbers.ctypes.data)

@@ -1,7 +1,5 @@
 """Devices: the GPU or CPU that solves assets."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 from collections.abc import Callable
@@ -10,7 +8,7 @@ from typing import Any, cast
 
 from . import _abi
 from ._library import Owned, check, library, new
-from ._names import name_of, natural, record, told, value_of
+from ._names import name_of, natural, told, value_of
 from ._records import Adapter, Backend, DeviceInfo, LogCode, LogLevel
 
 
@@ -42,12 +40,7 @@ def adapters() -> list[Adapter]:
     without a GPU or a driver. This loads drivers, which takes tens of milliseconds."""
     count = ctypes.c_uint32()
     check(library.vrtm_adapter_count(ctypes.byref(count)))
-    found = []
-    for index in range(count.value):
-        struct = new(_abi.vrtm_adapter_info)
-        check(library.vrtm_adapter_get_info(index, ctypes.byref(struct)))
-        found.append(record(Adapter, struct))
-    return found
+    return [told(Adapter, library.vrtm_adapter_get_info, index) for index in range(count.value)]
 
 
 class Device(Owned):

@@ -1,11 +1,7 @@
 """Exceptions: one for each status of the library."""
 
-from __future__ import annotations
-
 import builtins
 import concurrent.futures
-
-from . import _abi
 
 
 class Error(Exception):
@@ -65,20 +61,7 @@ class TimeoutError(Error, builtins.TimeoutError):
     """The job was not done in time; wait again."""
 
 
-_CLASSES = {
-    _abi.VRTM_ERROR_INVALID_ARGUMENT: InvalidArgumentError,
-    _abi.VRTM_ERROR_INVALID_HANDLE: InvalidHandleError,
-    _abi.VRTM_ERROR_UNSUPPORTED: UnsupportedError,
-    _abi.VRTM_ERROR_OUT_OF_MEMORY: OutOfMemoryError,
-    _abi.VRTM_ERROR_NOT_SOLVED: NotSolvedError,
-    _abi.VRTM_ERROR_BUSY: BusyError,
-    _abi.VRTM_ERROR_DEVICE_LOST: DeviceLostError,
-    _abi.VRTM_ERROR_INTERNAL: InternalError,
-    _abi.VRTM_ERROR_CANCELLED: CancelledError,
-    _abi.VRTM_ERROR_TIMEOUT: TimeoutError,
-}
-
-
 def error_of(status: int, status_name: str, message: str) -> Error:
-    """The exception for a status."""
-    return _CLASSES.get(status, Error)(status, status_name, message)
+    """The exception for a status: InvalidArgumentError for VRTM_ERROR_INVALID_ARGUMENT."""
+    name = status_name.removeprefix("VRTM_ERROR_").title().replace("_", "") + "Error"
+    return globals().get(name, Error)(status, status_name, message)

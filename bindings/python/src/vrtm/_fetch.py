@@ -1,7 +1,5 @@
 """The outputs to request from Asset.redirect."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any
 
@@ -46,13 +44,12 @@ class Fetch:
         size = self.tile._size(self.kind, self._size, self._more["out"], next=True)
         return Target(pinned, self.kind, size, **self._more)
 
-    def fill(self, struct: _abi.vrtm_fetch, target: Target) -> None:
-        """Fills the library's struct."""
-        struct.struct_size = new(_abi.vrtm_fetch).struct_size
-        struct.kind = self._kind
-        struct.tile = self.tile._handle
-        struct.uv_set = self._uv_set
+    def struct(self, target: Target) -> _abi.vrtm_fetch:
+        """The library's struct."""
+        struct = new(_abi.vrtm_fetch)
+        struct.kind, struct.tile, struct.uv_set = self._kind, self.tile._handle, self._uv_set
         struct.image = ctypes.pointer(target.struct)
+        return struct
 
 
 class CarrierFetch:
@@ -67,9 +64,9 @@ class CarrierFetch:
         """The arrays that the points are written to."""
         return CarriedTarget(self.carrier, self._names, self._dtype, self._out)
 
-    def fill(self, struct: _abi.vrtm_fetch, target: CarriedTarget) -> None:
-        """Fills the library's struct."""
-        struct.struct_size = new(_abi.vrtm_fetch).struct_size
-        struct.kind = value_of("fetch_kind", "carried")
-        struct.carrier = self.carrier._handle
+    def struct(self, target: CarriedTarget) -> _abi.vrtm_fetch:
+        """The library's struct."""
+        struct = new(_abi.vrtm_fetch)
+        struct.kind, struct.carrier = value_of("fetch_kind", "carried"), self.carrier._handle
         struct.carried = ctypes.pointer(target.struct)
+        return struct

@@ -1,7 +1,5 @@
 """numpy arrays as the library's images."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

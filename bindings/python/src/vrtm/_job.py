@@ -1,7 +1,5 @@
 """Jobs: solves that run beside the caller's own work."""
 
-from __future__ import annotations
-
 import asyncio
 import atexit
 import concurrent.futures
@@ -49,11 +47,10 @@ class Job(concurrent.futures.Future):
 
     def _wait(self) -> None:
         try:
-            status = library.vrtm_job_wait(self._handle, _abi.VRTM_FOREVER)
             error: BaseException | None = None
             report = None
             try:
-                check(status)
+                check(library.vrtm_job_wait(self._handle, _abi.VRTM_FOREVER))
                 report = self._report()
             except Exception as raised:
                 error = raised
@@ -66,9 +63,8 @@ class Job(concurrent.futures.Future):
             error = self._progress.error
         if isinstance(error, CancelledError):
             super().cancel()
-            self.set_running_or_notify_cancel()
+        if not self.set_running_or_notify_cancel():
             return
-        self.set_running_or_notify_cancel()
         if error is not None:
             self.set_exception(error)
         else:

@@ -1,7 +1,5 @@
 """The shared library: finding it, loading it, calling it."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import platform
@@ -20,13 +18,13 @@ Object = TypeVar("Object", bound="Owned")
 FILE = {"win32": "vrtm.dll", "darwin": "libvrtm.dylib"}.get(sys.platform, "libvrtm.so")
 
 
-def path() -> Path:
+def library_path() -> Path:
     """The library's file: that of the package, unless the environment variable VRTM_LIBRARY names another."""
     return Path(os.environ.get("VRTM_LIBRARY") or Path(__file__).parent / FILE)
 
 
 def _load() -> ctypes.CDLL:
-    file = path()
+    file = library_path()
     if not file.is_file():
         raise ImportError(f"vrtm: the shared library {file} is not there: install the package with pip")
     try:

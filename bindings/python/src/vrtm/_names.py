@@ -1,7 +1,5 @@
 """Values as the library has them: checked numbers, names for the header's constants, dataclasses for its structs."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any, TypeVar
 

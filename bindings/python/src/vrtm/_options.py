@@ -1,7 +1,5 @@
 """The options of a solve."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from typing import Any, get_type_hints

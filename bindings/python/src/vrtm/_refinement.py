@@ -1,7 +1,5 @@
 """Refinements: meshes split for hosts that support only UV sets."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Records with many figures, as tables."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from typing import Any

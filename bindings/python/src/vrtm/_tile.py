@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 class Tile:
     """A tile of an asset: its maps, settings and results. Asset.tiles and Asset.tile hand them out."""
 
-    def __init__(self, asset: Asset, handle: _abi.vrtm_tile) -> None:
-        self._handle = handle
+    def __init__(self, asset: Asset, index: int) -> None:
         #: The asset that the tile belongs to.
         self.asset = asset
-        key = _abi.vrtm_tile_key()
-        check(library.vrtm_tile_get_key(handle, ctypes.byref(key)))
+        self._handle, key = _abi.vrtm_tile(), _abi.vrtm_tile_key()
+        check(library.vrtm_asset_get_tile(asset._handle, index, ctypes.byref(self._handle)))
+        check(library.vrtm_tile_get_key(self._handle, ctypes.byref(key)))
         #: UDIM number, 1001 + U + 10 V.
         self.udim: int = key.udim
         #: The UV set that the tile belongs to.

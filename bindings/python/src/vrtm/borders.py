@@ -7,44 +7,64 @@ With seams 'continue' redirections lead over the borders of charts: all textures
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
     from vrtm._records import TileReport
 
+_ALIKE = 0.1
+"""Share of all features: where fewer make the difference, some of them are a little above a limit or below it."""
+
 
 def kept_or_shut(solved: Callable[[str], Iterable[TileReport]]) -> tuple[str, str]:
-    """Returns the better one of the seams 'shut' and 'keep', and the figures that decide: the one with fewer rigid
-    edges whose strain rises by over a quarter; if equal, the one with less strain; else 'shut'. `solved` solves with
-    either, measures, and returns the tiles' reports."""
-    found = {seams: _harm(solved(seams)) for seams in ("shut", "keep")}
-    (shut, shut_strain), (keep, keep_strain) = found["shut"], found["keep"]
-    told = f"{shut} rigid edges are strained by over a quarter more if shut, {keep} if kept"
-    if shut == keep:
-        told = f"the strain is {shut_strain:.4f} if shut, {keep_strain:.4f} if kept"
-    return min(found, key=lambda seams: found[seams]), told
+    """Returns the better one of the seams 'shut' and 'keep', and the figures that decide, in words: the one with fewer
+    bad features, if these differ by over a tenth of all features; otherwise the one with less strain; if equal,
+    'shut'. A feature is bad if its error is over 0.05, and if it is worse than with the mesh's own UVs; it counts twice
+    if it is both. `solved` solves with either, measures, and returns the tiles' reports."""
+    totals = {seams: _totals(solved(seams)) for seams in ("shut", "keep")}
+    bad = {seams: of.strained + of.worse for seams, of in totals.items()}
+    by_features = abs(bad["shut"] - bad["keep"]) > _ALIKE * totals["shut"].features
+    told = ", ".join(
+        f"{of.strained} of {of.features} features are strained and {of.worse} worse than without vrtm if {how} "
+        f"(strain {of.strain:.4f})"
+        for how, of in zip(("shut", "kept"), totals.values())
+    )
+    return min(totals, key=lambda seams: bad[seams] if by_features else totals[seams].strain), told
 
 
-def _harm(reports: Iterable[TileReport]) -> tuple[int, float]:
-    """Number of rigid edges that are strained by over a quarter more than with the mesh's own UVs, and the strain of
-    all (RMS)."""
-    harmed = edges = 0
-    squares = 0.0
-    for report in reports:
-        harmed += round(report.harm * report.segments)
-        edges += report.segments + report.segments_fixed
-        squares += report.segments * report.after.rms**2 + report.segments_fixed * report.strain_fixed**2
-    return harmed, (squares / max(edges, 1)) ** 0.5
+class _Totals(NamedTuple):
+    features: int
+    strained: int
+    worse: int
+    strain: float
+    """RMS over all rigid segments, fixed ones included."""
+
+
+def _totals(reports: Iterable[TileReport]) -> _Totals:
+    found = list(reports)
+    segments = sum(of.segments + of.segments_fixed for of in found)
+    squares = sum(of.segments * of.after.rms**2 + of.segments_fixed * of.strain_fixed**2 for of in found)
+    return _Totals(
+        sum(of.features for of in found),
+        sum(of.features_strained_after for of in found),
+        sum(of.features_worse for of in found),
+        (squares / max(segments, 1)) ** 0.5,
+    )
 
 
 def places(points: np.ndarray) -> np.ndarray:
     """Hashes of (points, 3): equal for points that are equal in f32."""
-    found = np.zeros(len(points), np.uint64)
     # With 0 for -0.
-    for column in (points.astype(np.float32) + np.float32(0)).T.copy().view(np.uint32):
-        found = (found ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+    return hashes(*(points.astype(np.float32) + np.float32(0)).T.copy().view(np.uint32))
+
+
+def hashes(*numbers: np.ndarray) -> np.ndarray:
+    """A hash of each combination of integers. Hardly ever do two combinations have the same."""
+    found = np.zeros(len(numbers[0]), np.uint64)
+    for number in numbers:
+        found = (found ^ number.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
         found ^= found >> np.uint64(29)
     return found
 

@@ -1,7 +1,5 @@
 """The console command `vrtm`."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex
@@ -20,6 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command line and returns its exit code: 0 done, 2 bad input, 3 not within tolerance, 4 device, 128 + a
     signal's number if it was ended by one."""
     from vrtm.bake import console
+    from vrtm.bake.failure import describe
 
     if arguments is None:
         _ensure_utf8()
@@ -29,6 +28,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console.keep_streams_open()
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
+    except OSError as error:
+        # Of the template, whose reader needs all of it.
+        failure = describe(error, "stdout")
+        console.Console().error(failure.message)
+        return failure.code
     except KeyboardInterrupt:
         # While the arguments are read; `bake`, `dilate` and `rigidity` handle signals themselves.
         console.Console().error("ended by SIGINT")
@@ -59,24 +63,32 @@ def _run(given: list[str]) -> int:
     template = commands.add_parser(
         "farm-template",
         help="print a job template for a render farm",
-        description="Prints an OpenJobDescription template.",
+        description="Prints a template of OpenJobDescription, or a script for Slurm.",
     )
+    template.add_argument("--slurm", action="store_true", help="print a script that submits a bake to Slurm")
     template.add_argument("--no-layer", action="store_true", help="without the step that writes a USD layer")
+    template.add_argument("--carry", action="store_true", help="with steps that carry geometry on the skin")
     commands.add_parser("devices", help="list what can compute", description="Lists the CPU and all GPUs.")
     parsed = parser.parse_args(given)
     if parsed.command == "bake" and parsed.more:
         try:
-            parsed = parser.parse_args([*given, *shlex.split(parsed.more)])
+            parsed = parser.parse_args([*given, *shlex.split(" ".join(parsed.more))])
         except ValueError as error:
             bake.error(f"--more: {error}")
     if parsed.command == "farm-template":
-        return _template(not parsed.no_layer)
+        if parsed.slurm and (parsed.no_layer or parsed.carry):
+            template.error("--slurm takes what to write from the options of the bake")
+        from vrtm import farm
+
+        text = farm.slurm() if parsed.slurm else farm.template(not parsed.no_layer, parsed.carry)
+        print(text, end="", flush=True)
+        return 0
     if parsed.command == "devices":
         return _devices()
     return _work(parsed, arguments.settings(bake, parsed) if parsed.command == "bake" else None)
 
 
-def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
+def _work(parsed: argparse.Namespace, settings: "Settings | None") -> int:
     """Runs a command that reads scenes or images, and heeds signals."""
     from vrtm.bake.console import Console
     from vrtm.bake.failure import DONE, describe
@@ -102,20 +114,6 @@ def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
             failure = describe(error)
             console.error(failure.message)
             return failure.code
-
-
-def _template(layer: bool) -> int:
-    from vrtm.bake.console import Console
-    from vrtm.bake.failure import describe
-    from vrtm.farm import template
-
-    try:
-        print(template(layer), end="", flush=True)
-    except OSError as error:
-        failure = describe(error, "stdout")
-        Console().error(failure.message)
-        return failure.code
-    return 0
 
 
 def _devices() -> int:

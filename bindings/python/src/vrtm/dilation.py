@@ -1,8 +1,6 @@
 """Dilation of textures that are looked up, or filtered, over seams: around each chart, copies of the texels that lie
 beyond its seams on the surface. `Tile.dilation` names these texels."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -44,11 +42,7 @@ def dilated(
                 if normals is not None:
                     values[:, :3] = turned(values[:, :3], jacobian, normals == "down")
                 now[key][rows, columns] = values
-    changed = {key: np.zeros(image.shape[:2], bool) for key, image in images.items()}
-    for key in images:
-        for rows, columns, _, _ in found[key].copies.values():
-            changed[key][rows, columns] = True
-    return {key: (now[key], changed[key]) for key in images}
+    return {key: (now[key], found[key].taken) for key in images}
 
 
 def _in_charts(pixels: np.ndarray, covered: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -84,7 +78,9 @@ class _Found:
 
     covered: np.ndarray
     """(height, width) of bool: covered by a chart."""
-    copies: dict[Hashable, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
+    taken: np.ndarray
+    """(height, width) of bool: copied from elsewhere."""
+    copies: dict[Hashable, list[np.ndarray]]
     """By the image that texels are copied from: rows and columns of the copies, the UVs of their sources, within the
     tile, and the Jacobians of these (`_jacobian`)."""
 
@@ -122,7 +118,7 @@ def _copies(key: Hashable, image: np.ndarray, lookups: Sequence[Lookups], turns:
                 taken[part[0], part[1]] = True
                 old = found.get(source)
                 found[source] = part if old is None else [np.concatenate(pair) for pair in zip(old, part)]
-    return _Found(covered, {source: (part[0], part[1], part[2], part[3]) for source, part in found.items()})
+    return _Found(covered, taken, found)
 
 
 def _jacobian(dilation: np.ndarray, away: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

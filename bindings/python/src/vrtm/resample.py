@@ -1,7 +1,5 @@
 """Interpolation of images, and normals on a surface that is turned."""
 
-from __future__ import annotations
-
 import numpy as np
 
 MARGIN = 2
@@ -47,10 +45,9 @@ def turned(encoded: np.ndarray, jacobian: np.ndarray, down: bool) -> np.ndarray:
     sign = -1.0 if down else 1.0
     a, b, c, d = (jacobian[..., k].astype(np.float64) for k in range(4))
     mirrored = np.where(a * d < b * c, -1.0, 1.0)
-    du, dv = jacobian[..., 0].astype(np.float64), jacobian[..., 2].astype(np.float64)
-    length = np.sqrt(du * du + dv * dv)
-    cosine = np.divide(du, length, out=np.ones_like(du), where=length > 0)
-    sine = np.divide(dv, length, out=np.zeros_like(dv), where=length > 0)
+    length = np.sqrt(a * a + c * c)
+    cosine = np.divide(a, length, out=np.ones_like(a), where=length > 0)
+    sine = np.divide(c, length, out=np.zeros_like(c), where=length > 0)
     x, y = normals[..., 0], normals[..., 1] * sign
     turned = np.stack([cosine * x + sine * y, (cosine * y - sine * x) * sign * mirrored, normals[..., 2]], axis=-1)
     size = np.linalg.norm(turned, axis=-1, keepdims=True)

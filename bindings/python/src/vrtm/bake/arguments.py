@@ -21,8 +21,8 @@ their shape while the mesh deforms. Files that are up to date are left alone, so
 
 EPILOG = """\
 exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain, --max-error or --max-worse was
-exceeded, or the layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number
-if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
+exceeded, or the layer names files that do not exist; 4 the device is missing or lost, or memory is short; 128 + the
+signal's number if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
 
 
 _NUMBERS = {
@@ -71,12 +71,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATTERN",
     )
     add("--mask", "Images that are dark where nothing may move.", "PATTERN")
-    add(
-        "--texture",
-        "Also write warped copies of these textures, for renderers that cannot look a map up.",
-        "PATTERN...",
-        dest="textures",
-    )
+    text = "Also write warped copies of these textures, for renderers that cannot look a map up."
+    add("--texture", text, "PATTERN...", dest="textures")
     add("--layer", "Write a USD layer that redirects the shot's textures, to be sublayered over it.", "FILE")
     add(
         "--poses",
@@ -85,59 +81,33 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "FILE...",
     )
     add("--meshes", "Bake these meshes, by name or path, with * as a wildcard. All that deform by default.", "NAME...")
-    add(
-        "--frames",
-        "Bake these frames, such as 1-10x2,15, -3--1, or 1-3x0.5 with parts of frames. All whole ones by default.",
-        "LIST",
-        type=listed(frames.parse),
-    )
+    text = "Bake these frames, such as 1-10x2,15, -3--1, or 1-3x0.5 with parts of frames. All whole ones by default."
+    add("--frames", text, "LIST", type=listed(frames.parse))
     add("--out", "Write to this folder.", "DIR", default="out")
     add("--sheet", "Also draw a picture per mesh to judge by: the worst frame without and with the maps.")
-    add("--dry-run", "List the meshes, tiles, maps, files and memory of the bake, and write nothing.")
+    add("--dry-run", "List the meshes, tiles, maps, files and memory, and write nothing: also without --rigidity.")
     shared = {"action": _Help, "nargs": 0, "default": argparse.SUPPRESS}
     usual.add_argument("-h", "--help", help="Show the usual options and exit.", **shared)
     usual.add_argument("--help-all", help="Show all options and exit.", const=True, **shared)
 
     add = group("scene")
-    add(
-        "--uv",
-        "The UV set to bake. Of several names each mesh takes the first that it has. By default st, or the only set.",
-        "NAME...",
-    )
-    add(
-        "--texture-uv",
-        "USD: the UV set that textures are looked up by, if --uv names another one, without overlaps.",
-        "NAME",
-    )
+    add("--exclude", "Leave these meshes out, by name or path, with * as a wildcard.", "NAME...")
+    text = "The UV set to bake. Of several names each mesh takes the first that it has. By default st, or the only set."
+    add("--uv", text, "NAME...")
+    text = "USD: the UV set that textures are looked up by, if --uv names another one, without overlaps."
+    add("--texture-uv", text, "NAME")
     add("--subsets", "USD: bake each material of a mesh separately; faces without one are the part 'rest'.")
-    add(
-        "--rest",
-        "The shape at rest: bind, pref, first, frame:N, or a file with the same faces. By default the scene's own.",
-        "WHERE",
-    )
-    add(
-        "--subdivide",
-        "Refine subdivision surfaces by so many levels. By default the cage is baked.",
-        "N",
-        type=whole(0, 8),
-        default=0,
-    )
-    add(
-        "--variant",
-        "USD: select a variant. The option may be repeated.",
-        nargs=3,
-        action="append",
-        dest="variants",
-        default=[],
-        metavar=("PRIM", "SET", "SELECTION"),
-    )
-    add(
-        "--fps",
+    text = "The shape at rest: bind, pref, first, frame:N, or a file with the same faces. By default the scene's own."
+    add("--rest", text, "WHERE")
+    text = "Refine subdivision surfaces by so many levels. By default the cage is baked."
+    add("--subdivide", text, "N", type=whole(0, 8), default=0)
+    text = "USD: select a variant. The option may be repeated."
+    add("--variant", text, nargs=3, action="append", dest="variants", default=[], metavar=("PRIM", "SET", "SELECTION"))
+    text = (
         "Count frames by this rate: frame N is at N / X seconds. With the word file the scene states the rate. By "
-        "default whole time codes of USD are frames, and Alembic states the rate.",
-        "X",
-        type=either(FILE, positive),
+        "default whole time codes of USD are frames, and Alembic states the rate."
     )
+    add("--fps", text, "X", type=either(FILE, positive))
     add("--world", "Apply the transforms above a mesh, so that an animated scale counts as a stretch.")
     add("--allow-units", "Take a mesh whose size differs from the rest for a deformation, and do not scale the rest.")
 
@@ -153,23 +123,26 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATTERN",
     )
     add("--tiles", "Bake these tiles, such as 1001,1011-1013. All by default.", "LIST", type=listed(frames.parse_whole))
+    add(
+        "--task",
+        "Bake the first (1/10) to the last (10/10) tenth of the frames, and write nothing but the files of single "
+        "frames. The same command without it then writes the layer, carried geometry, basis maps, sheets and report.",
+        "K/N",
+        type=_task,
+    )
     add("--overwrite", "Also replace files that vrtm has not written, but never one that the bake reads.")
 
     add = group("content")
-    add(
-        "--size",
+    text = (
         "Cells of the solver's grid per side. With auto, the default, 20 lie across the narrowest rigid feature of "
-        "each tile: 64 to 4096, and no more than the rigidity map has texels or 256.",
-        "N",
-        type=lambda text: None if text == AUTO else whole(1, LARGEST)(text),
+        "each tile: 64 to 4096, and no more than the rigidity map has texels or 256."
     )
-    add(
-        "--map-size",
+    add("--size", text, "N", type=lambda text: None if text == AUTO else whole(1, LARGEST)(text))
+    text = (
         "Texels of the maps per side. By default as --size, or as the rigidity map; 1024 with a primvar. With auto, "
-        "each map gets the fewest that keep --max-error (1).",
-        "N",
-        type=either(AUTO, whole(1, LARGEST)),
+        "each map gets the fewest that keep --max-error (1)."
     )
+    add("--map-size", text, "N", type=either(AUTO, whole(1, LARGEST)))
     add(
         "--form",
         "The UVs in a map: within the tile, among all UDIM tiles, or the difference to add to the mesh's own. By "
@@ -184,35 +157,24 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     normal_maps(add)
 
     add = group("borders")
-    add(
-        "--seams",
+    text = (
         "At seams nothing moves (shut); features that touch one stay as they are (keep); or features keep their shape "
         "across them (continue), for which textures in a renderer have to be dilated. With auto, the bake chooses: "
-        "continue if all textures of a mesh are copies or dilated, else the better of shut and keep.",
-        choices=(AUTO, "shut", "keep", "continue"),
-        default=AUTO,
+        "continue if all textures of a mesh are copies or dilated, else the better of shut and keep."
     )
-    add(
-        "--seam-reach",
-        "With --seams continue, the radius of the largest feature on a seam, in UV, at most 0.5.",
-        "UV",
-        type=positive,
-        default=Settings.seam_reach,
-    )
-    add(
-        "--open-borders",
+    add("--seams", text, choices=(AUTO, "shut", "keep", "continue"), default=AUTO)
+    text = "With --seams continue, the radius of the largest feature on a seam, in UV, at most 0.5."
+    add("--seam-reach", text, "UV", type=positive, default=Settings.seam_reach)
+    text = (
         "Where the surface ends nothing moves (fixed), or textures slide along the border (slide). With auto, they "
-        "slide if all textures of a mesh are copies or dilated, and no other mesh goes on there.",
-        choices=(AUTO, "fixed", "slide"),
-        default=AUTO,
+        "slide if all textures of a mesh are copies or dilated, and no other mesh goes on there."
     )
-    add(
-        "--overlap",
+    add("--open-borders", text, choices=(AUTO, "fixed", "slide"), default=AUTO)
+    text = (
         "Charts that lie over one another, as mirrored halves do, each get maps of their own, in layers (each); do not "
-        "move there (fixed); or all follow the chart of the first face (first).",
-        choices=(EACH, "fixed", "first"),
-        default=OVERLAP,
+        "move there (fixed); or all follow the chart of the first face (first)."
     )
+    add("--overlap", text, choices=(EACH, "fixed", "first"), default=OVERLAP)
     text = f"With --overlap each, the most layers of a tile ({Settings.max_layers} by default)."
     add("--max-layers", text, "N", type=whole(2, LARGEST))
 
@@ -227,13 +189,11 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "Also write as few maps as possible whose weighted sum is within --max-error texels (1) of each frame's map, "
         "and the weights of the frames.",
     )
-    add(
-        "--basis-format",
-        "Numbers of these maps: 16-bit floats (EXR), or integers (PNG) with a range per map in the file of weights.",
-        choices=tuple(FORMATS),
-        default=HALF,
-    )
+    text = "Numbers of these maps: 16-bit floats (EXR), or integers (PNG) with a range per map in the file of weights."
+    add("--basis-format", text, choices=tuple(FORMATS), default=HALF)
     add("--gltf", "Also write the mesh as glTF with UV morph targets, for engines and materials without a map.")
+    text = "Also write the mesh as USD with blend shapes, and one with its UVs as points, for scripts that blend UVs."
+    add("--blend-shapes", text)
     add(
         "--controls",
         "The frames are poses of a rig, and this table (CSV) has the values of its controls: a first line 'frame' and "
@@ -251,81 +211,53 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATH...",
     )
     add("--carry", "The USD or Alembic file of these prims, in the world of the scene. The scene by default.", "FILE")
-    add(
-        "--carry-farthest",
+    text = (
         "Leave geometry in place that is farther from the mesh than this, in its units. By default 5 %% of the "
-        "diagonal of the mesh's bounding box.",
-        "X",
-        type=positive,
+        "diagonal of the mesh's bounding box."
     )
-    add(
-        "--carry-fit",
+    add("--carry-farthest", text, "X", type=positive)
+    text = (
         "Geometry follows each rigid feature as one body (feature), the redirected surface (surface), or the skin as "
-        "if nothing were redirected (none).",
-        choices=("feature", "surface", "none"),
-        default="feature",
+        "if nothing were redirected (none)."
     )
-    add(
-        "--carry-pieces",
-        "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none).",
-        choices=("none", CONNECTED),
-        default="none",
-    )
+    add("--carry-fit", text, choices=("feature", "surface", "none"), default="feature")
+    text = "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none)."
+    add("--carry-pieces", text, choices=("none", CONNECTED), default="none")
 
     add = group("USD layer")
-    add(
-        "--layer-mode",
+    text = (
         "The layer redirects texture lookups of the materials (texture), or authors the primvar st_redirected for them "
-        "(primvar).",
-        choices=("texture", "primvar"),
-        default="texture",
+        "(primvar)."
     )
+    add("--layer-mode", text, choices=("texture", "primvar"), default="texture")
     add("--only-layer", "Write nothing but the layer.")
-    add(
-        "--root", "Also write a layer to open directly: the shot's settings, with the layer and the shot below.", "FILE"
-    )
+    add("--root", "Also write a layer to open directly: the shot's settings, the layer and the shot below.", "FILE")
     add("--freeze", "Name the files of this frame at all times, for programs such as Blender.", "FRAME", type=_frame)
 
     add = group("work")
-    add(
-        "--quality",
-        "The quality of the solve; draft is several times as fast.",
-        choices=("draft", "normal"),
-        default="normal",
-    )
+    text = "The quality of the solve; draft is several times as fast."
+    add("--quality", text, choices=("draft", "normal"), default="normal")
     add("--warm", "Start each frame from the one before it in --frames.")
-    add(
-        "--temporal-weight",
-        "With --warm, hold each frame to the one before it, against jitter. Useful are 0.03 to 0.3.",
-        "X",
-        type=positive,
-    )
-    add(
-        "--weld",
-        "Faces are connected by their vertices, by equal positions, or not at all.",
-        choices=WELDS,
-        default="index",
-    )
+    text = "With --warm, hold each frame to the one before it, against jitter. Useful are 0.03 to 0.3."
+    add("--temporal-weight", text, "X", type=positive)
+    text = "Faces are connected by their vertices, by equal positions, or not at all."
+    add("--weld", text, choices=WELDS, default="index")
     add("--device", "Compute on the CPU or on a GPU.", choices=("auto", "cpu", "gpu"), default="auto")
     add("--adapter", "The number of the GPU, as vrtm devices lists it.", "N", type=whole(0, 255))
     add("--jobs", "Frames at a time. By default as the cores and the memory allow.", "N", type=whole(0, 1024))
     add("--threads", "Threads of each job. By default the cores are shared out.", "N", type=whole(0, 1024))
     add("--measure", "Measure strain and the errors of the maps for the report, which takes longer.")
     add("--max-strain", "End with exit code 3 if the RMS strain of a tile is larger.", "X", type=positive)
-    add(
-        "--max-error",
+    text = (
         "End with exit code 3 if 1 %% of a map is off by more texels of the texture. With --basis also the most that a "
-        "sum may be off.",
-        "TEXELS",
-        type=positive,
+        "sum may be off."
     )
-    add(
-        "--max-worse",
-        "End with exit code 3 if more painted features of a tile are worse than without vrtm.",
-        "N",
-        type=whole(0, 1 << 31),
-    )
+    add("--max-error", text, "TEXELS", type=positive)
+    text = "End with exit code 3 if more painted features of a tile are worse than without vrtm."
+    add("--max-worse", text, "N", type=whole(0, 1 << 31))
     add("--strict", "End with exit code 2 if anything is not baked unintentionally.")
+    text = "Do not read back what was written, to compare it with what was meant."
+    add("--no-check", text, dest="check", action="store_false")
     add("--texture-size", "Texels of the texture per side, for errors.", "N", type=whole(1, 1 << 20), default=4096)
 
     add = group("messages")
@@ -335,12 +267,12 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--no-progress", "Print no progress bar, and no line per frame.")
     add("--quiet", "Print nothing but warnings and errors.")
     add("--openjd", "Print progress and status lines of OpenJobDescription.")
-    add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS")
+    add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS", action="append")
     return parser
 
 
 _NEEDED_BY = {
-    "--basis": ("--controls", "--gltf", "--basis-format", "--held-out"),
+    "--basis": ("--controls", "--gltf", "--blend-shapes", "--basis-format", "--held-out"),
     "--carry-prims": ("--carry", "--carry-farthest", "--carry-fit", "--carry-pieces"),
     "--layer": ("--root", "--freeze", "--only-layer"),
     "--warm": ("--temporal-weight",),
@@ -349,9 +281,11 @@ _EXCLUDES = {
     "--rigidity": ("--rigidity-primvar",),
     "--mask": ("--mask-primvar",),
     "--gltf": ("--subsets",),
+    "--blend-shapes": ("--subsets",),
     "--basis": ("--only-layer", "--texture-uv", "--tiles"),
     "--carry-prims": ("--only-layer", "--subsets", "--tiles"),
     "--only-layer": ("--sheet",),
+    "--task": ("--only-layer", "--warm"),
     "--texture-uv": ("--texture", "--normal-map", "--jacobian", "--filter-scale", "--subdivide"),
     "--quiet": ("--verbose", "--dry-run"),
 }
@@ -368,13 +302,16 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
         # The defaults are those of the settings.
         return {name: value for name, value in given.items() if value is not None}
 
-    further = {"uv": tuple(a.uv) or None, "variants": tuple(map(tuple, a.variants)), "skip_still": True}
+    further = {"variants": tuple(map(tuple, a.variants)), "lenient": True}
     own = {
         "options": SceneOptions(**same(SceneOptions) | further),
         "measure": a.measure or any(most is not None for most in (a.max_strain, a.max_error, a.max_worse)),
         "form": a.form or ("udim" if a.layer or a.texture_uv is not None else "tile"),
         "numbers": {name: value for name in NUMBERS if (value := getattr(a, name)) is not None},
     }
+    if a.task is not None:
+        # One file of all frames is none of a task's. Of the layer, corner UVs are files of single frames.
+        own |= {name: getattr(Settings, name) for name in ("sheet", "root", "freeze", "report", "basis", "gltf")}
     return Settings(**same(Settings) | own)
 
 
@@ -387,8 +324,8 @@ def _conflicts(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Iterat
         value = getattr(a, action.dest)
         return value is not None and value != "" and value != action.default
 
-    if not (given("--rigidity") or given("--rigidity-primvar")):
-        yield "one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape"
+    if not (given("--rigidity") or given("--rigidity-primvar") or a.dry_run):
+        yield "one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape (not by --dry-run)"
     for name, others in _EXCLUDES.items():
         yield from (f"{name} and {other} {both}" for other in others if given(name) and given(other))
     for name, others in _NEEDED_BY.items():
@@ -411,6 +348,13 @@ def _conflicts(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Iterat
         yield f"--texture-uv and {mode} {both}"
     if a.texture_uv is not None and a.form == "tile":
         yield f"--texture-uv and --form tile {both}"
+
+
+def _task(text: str) -> tuple[int, int]:
+    number, _, count = text.partition("/")
+    if number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return int(number), int(count)
+    raise argparse.ArgumentTypeError(f"'{text}' is not K/N, the number of a task from 1 to N, and N")
 
 
 def _frame(text: str) -> frames.Frame:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import vrtm
-from vrtm.bake import basis_morphs, basis_tiles, frames, image_file, overwrite, staging
+from vrtm.bake import basis_morphs, basis_shapes, basis_tiles, frames, image_file, overwrite, staging
 from vrtm.bake.basis_tiles import Measure, TileMaps
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.fingerprint import Fingerprint
@@ -27,7 +27,7 @@ from vrtm.basis.controls import PRODUCTS, drive
 from vrtm.basis.fit import Basis, fit, fitted_weights, summed
 from vrtm.basis.stored import FORMATS, HALF, Range, ending, numbers
 
-VERSION = 4
+VERSION = 5
 """Of the way of fitting: maps that were fitted in another way are not up to date."""
 
 
@@ -42,6 +42,8 @@ class Made:
     """Files."""
     skipped: int = 0
     """Files that were up to date."""
+    meshes: list[tuple[str, MeshWork, list[Frame]]] = field(default_factory=list)
+    """The new files with morph targets, and the frames of each."""
 
 
 def check(work: Work) -> Controls | None:
@@ -65,9 +67,12 @@ def write(work: Work, results: Sequence[FrameResult], stop: Callable[[], None]) 
         there = sorted(result.frame for result in results if result.mesh == name and result.tiles)
         if there:
             document, is_new = _MeshBasis(work, mesh, there, controls, stop).made()
+            fitted = [row["frame"] for row in document["frames"]]
+            made.meshes += [(path, mesh, fitted) for path in work.geometry_files(name).values() if is_new]
             made.lines += _told(document, work.basis_file(name))
             made.failure = made.failure or _failure(document, name)
-            count = 1 + sum(len(tile["maps"]) for tile in document["files"]) + ("gltf" in document)
+            geometry = sum(kind in document for kind in ("gltf", "blend_shapes"))
+            count = 1 + sum(len(tile["maps"]) for tile in document["files"]) + geometry
             made.written, made.skipped = made.written + is_new * count, made.skipped + (not is_new) * count
     return made
 
@@ -81,6 +86,10 @@ class _MeshBasis:
     frames: list[Frame]
     controls: Controls | None
     stop: Callable[[], None]
+
+    @property
+    def geometry_files(self) -> dict[str, str]:
+        return self.work.geometry_files(self.mesh.shape.name)
 
     @property
     def form(self) -> str:
@@ -100,6 +109,8 @@ class _MeshBasis:
         for frame in self.frames:
             for file in self._files(frame):
                 inputs.text(image_file.told(file).get("vrtm:inputs"))
+        if self.geometry_files:
+            inputs.array(basis_morphs.to_gltf(self.work, self.mesh)).text(self.mesh.shape.left_handed)
         if self.controls is not None:
             inputs.text(self.controls.names, self.controls.of(self.frames).tolist())
         known = self._known(path, inputs.hex())
@@ -120,8 +131,7 @@ class _MeshBasis:
         document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
         files = self._write(tiles, basis, inputs)
         document["files"] = files
-        if settings.gltf:
-            document["gltf"] = self._write_gltf(fitted, basis)
+        document |= self._geometry(fitted, basis) if self.geometry_files else {}
         self._sweep(len(basis))
         ordered = {"program": {"name": "vrtm bake", "version": vrtm.version()}} | document
         staging.write_bytes(path, (json.dumps(ordered, indent=1) + "\n").encode())
@@ -139,8 +149,9 @@ class _MeshBasis:
                     target = self._target(tile, number, (0, 0), inputs, None)
                     if image_file.up_to_date(target, self.work.settings.overwrite) is None:
                         return None
-            if self.work.settings.gltf and document["gltf"]["bytes"] != os.path.getsize(self._gltf_file):
-                return None
+            for kind, path in self.geometry_files.items():
+                if document[kind]["bytes"] != os.path.getsize(path):
+                    return None
             return document
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
@@ -243,11 +254,7 @@ class _MeshBasis:
             files.append({"udim": maps.tile.udim, "layer": maps.tile.layer, "size": list(maps.size), "maps": names})
         return files
 
-    @property
-    def _gltf_file(self) -> str:
-        return self.work.basis_file(self.mesh.shape.name, ".glb")
-
-    def _write_gltf(self, fitted: list[Frame], basis: Basis) -> dict:
+    def _geometry(self, fitted: list[Frame], basis: Basis) -> dict:
         """Writes the mesh with morph targets, of the rig's controls and their products, or of the basis maps, and
         returns figures."""
         names, weights = [f"basis {k + 1}" for k in range(len(basis))], basis.weights
@@ -255,10 +262,17 @@ class _MeshBasis:
             driver = drive(self.controls.names, self.controls.of(fitted), weights)
             if driver.form == PRODUCTS:
                 names, weights = driver.term_names(), driver.terms(self.controls.of(fitted))
-        content, figures = basis_morphs.morphed(self.work, self.mesh, fitted, names, weights, self.stop)
-        overwrite.check([(self._gltf_file, "--gltf")], (), self.work.settings.overwrite)
-        staging.write_bytes(self._gltf_file, content)
-        return {"bytes": len(content)} | figures
+        found = basis_morphs.morphed(self.work, self.mesh, fitted, names, weights, self.stop)
+        told, scene = {}, self.work.scene
+        for kind, path in self.geometry_files.items():
+            overwrite.check([(path, f"--{kind.replace('_', '-')}")], (), self.work.settings.overwrite)
+            if kind == "gltf":
+                seconds = [scene.seconds(frame) for frame in fitted]
+                staging.write_bytes(path, found.glb(seconds, basis_morphs.to_gltf(self.work, self.mesh)))
+            else:
+                basis_shapes.write(path, found, scene)
+            told[kind] = {"bytes": os.path.getsize(path)} | found.figures
+        return told
 
     def _sweep(self, count: int) -> None:
         """Removes maps of an earlier basis that had more of them, or another format."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,15 +11,53 @@ import vrtm
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.raster import area
+from vrtm.bake.scene.axes import GLTF, placed
 from vrtm.bake.scene.topology import fans
 from vrtm.bake.work import Work
-from vrtm.basis.gltf import glb
+from vrtm.basis.gltf import Morph, glb
 from vrtm.basis.morph import morphs
 
 _TOLERANCE = 1 / 2048
 """In UV: the least error that the mesh is split for, that of a texture of 4096 by two texels."""
 _SHAPE = 5e-4
 """The most that positions of morph targets may be off by, as a share of the mesh's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Morphed:
+    """A mesh with morph targets, and the weights of the frames."""
+
+    name: str
+    rest: np.ndarray
+    """(vertices, 3), in the mesh's own space."""
+    uvs: np.ndarray
+    """(vertices, 2), v up, those of all tiles side by side."""
+    place: np.ndarray
+    """(vertices, 2): the tile of each, as what its UVs are rounded down to."""
+    triangles: np.ndarray
+    """(triangles, 3), of vertices."""
+    left_handed: bool
+    """True if the front of a triangle is where its corners go round clockwise."""
+    targets: list[Morph]
+    frames: Sequence[Frame]
+    weights: np.ndarray
+    """(frames, targets)."""
+    figures: dict
+
+    def glb(self, seconds: Sequence[float], matrix: np.ndarray) -> bytes:
+        """Binary glTF, with a primitive per tile. `seconds`: the times of the frames; `matrix`: `to_gltf` of the
+        mesh."""
+        of_triangle, triangles = self.place[self.triangles[:, 0]], self.triangles
+        if self.left_handed != (np.linalg.det(matrix[:3, :3]) < 0):
+            triangles = triangles[:, ::-1]
+        tiles = {
+            str(1001 + u + 10 * v): triangles[(of_triangle == (u, v)).all(axis=1)]
+            for u, v in np.unique(of_triangle, axis=0).tolist()
+        }
+        targets = [replace(target, positions=target.positions @ matrix[:3, :3]) for target in self.targets]
+        rest, times = placed(self.rest, matrix), np.array(seconds) - seconds[0]
+        program = f"vrtm {vrtm.version()}"
+        return glb(self.name, rest, self.uvs - self.place, tiles, targets, times, self.weights, program)
 
 
 def morphed(
@@ -28,9 +67,9 @@ def morphed(
     names: Sequence[str],
     weights: np.ndarray,
     stop: Callable[[], None],
-) -> tuple[bytes, dict]:
-    """Binary glTF of a mesh without subsets, split and with its targets, a primitive per tile; and figures. `weights`:
-    (frames, targets) of the targets with `names`. Raises SceneError, Failure."""
+) -> Morphed:
+    """A mesh without subsets, split and with its targets. `weights`: (frames, targets) of the targets with `names`.
+    Raises SceneError, Failure."""
     settings, (part,) = work.settings, mesh.parts
     poses = [work.scene.positions(mesh.shape, frame) for frame in frames]
 
@@ -82,22 +121,18 @@ def morphed(
         "error_between": between * settings.texture_size,
         "folds": int(turned.sum(axis=1).max(initial=0)),
     }
-    place = place[first]
-    of_triangle = place[triangles[:, 0]]
-    primitives = {
-        str(1001 + u + 10 * v): triangles[(of_triangle == (u, v)).all(axis=1)]
-        for u, v in np.unique(of_triangle, axis=0).tolist()
-    }
-    times = (np.array(frames, float) - float(frames[0])) / _rate(settings.options.fps)
-    program = f"vrtm {vrtm.version()}"
-    return glb(mesh.shape.name, rest, own - place, primitives, made, times, all_weights, program), figures
+    shape = mesh.shape
+    return Morphed(
+        shape.name, rest, own, place[first], triangles, shape.left_handed, made, frames, all_weights, figures
+    )
+
+
+def to_gltf(work: Work, mesh: MeshWork) -> np.ndarray:
+    """(4, 4) by which rows of positions of a mesh are multiplied to lie in the world of glTF as they do in the scene at
+    rest."""
+    return work.scene.source.to_world(mesh.shape, None) @ work.scene.source.axes.to(GLTF)
 
 
 def _areas(uvs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(..., triangles): twice the areas, with their signs."""
     return area(*(uvs[..., triangles[:, k], :] for k in range(3)))
-
-
-def _rate(fps: float | str | None) -> float:
-    """Frames per second of the animation, where the scene's are not asked for."""
-    return float(fps) if isinstance(fps, (int, float)) else 24.0

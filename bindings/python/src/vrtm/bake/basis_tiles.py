@@ -1,8 +1,6 @@
 """The maps of a mesh that basis maps are fitted to, the mesh under their texels, and measures of their sums: errors,
 folds and strain."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -17,6 +17,7 @@ from vrtm.bake import image_file
 from vrtm.bake.frames import Frame
 from vrtm.bake.layer.write import looked_up as textures_of
 from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.neighbours import Neighbours
 from vrtm.bake.part import Given
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.settings import AUTO, Borders, Settings
@@ -27,9 +28,9 @@ _CELLS = 512
 """Per side: a finer grid hardly ever tells more of which of two ways is better."""
 
 
-def mesh(given: Given, scene: Scene, shared: Callable[[], np.ndarray]) -> MeshWork:
-    """A mesh, with the treatment of its borders chosen as far as the command line leaves it open. `shared`: gives
-    `shared_places`. Raises what MeshWork raises."""
+def mesh(given: Given, scene: Scene, neighbours: Callable[[], Neighbours]) -> MeshWork:
+    """A mesh, with the treatment of its borders chosen as far as the command line leaves it open. `neighbours`: gives
+    those of the scene, which take time. Raises what MeshWork raises."""
     settings, shape = given.settings, given.shape
 
     def made(chosen: Borders) -> MeshWork:
@@ -46,7 +47,7 @@ def mesh(given: Given, scene: Scene, shared: Callable[[], np.ndarray]) -> MeshWo
     lacking = [path for path in looked_up if not _is_dilated(path, settings.seam_reach)]
     why = f"{lacking[0]} is looked up, and is not dilated" if lacking else ""
     if not why:
-        found = made(_beyond(settings, scene.shape(shape.name), looked_up, shared))
+        found = made(_beyond(settings, shape, looked_up, neighbours))
         why = _without_copy(found)
         if not why:
             return found
@@ -80,14 +81,22 @@ def _is_dilated(path: str, reach: float) -> bool:
     return told.get("vrtm:kind") == "dilated" and float(told.get("vrtm:reach", 0)) >= reach
 
 
-def _beyond(settings: Settings, shape: Shape, looked_up: Sequence[str], shared: Callable[[], np.ndarray]) -> Borders:
+def _beyond(
+    settings: Settings, shape: Shape, looked_up: Sequence[str], neighbours: Callable[[], Neighbours]
+) -> Borders:
     """The choice where textures show the surface beyond the borders."""
     why = f"all textures are {'copies or dilated' if looked_up else 'copies'}"
     if settings.subsets:
         return _chosen(settings, "continue", "fixed", f"{why}, and subsets meet")
     if settings.open_borders == AUTO:
-        border = borders.open_border(_vertices(shape, settings.weld), shape.face_counts, shape.textured)
-        if np.isin(borders.places(shape.rest[border]), shared()).any():
+        places, vertices = borders.places(shape.rest), shape.indices
+        # Doubled vertices, unless they are welded.
+        doubled = borders.shared([places])
+        if settings.weld == "position":
+            _, first, of = np.unique(places, return_index=True, return_inverse=True)
+            doubled, vertices = doubled[:0], first[of.reshape(-1)][vertices]
+        border = borders.open_border(vertices, shape.face_counts, shape.textured)
+        if np.isin(places[border], doubled).any() or neighbours().touch(shape, border):
             return _chosen(settings, "continue", "fixed", f"{why}, and other vertices are where the mesh ends")
     return _chosen(settings, "continue", "slide", why)
 
@@ -141,18 +150,3 @@ def _measured(mesh: MeshWork, seams: str, frame: Frame, positions: np.ndarray) -
                 tile.set_settings(now, seams=seams, grid_width=width, grid_height=height)
         part.solve(frame, positions, part.tiles, True, False, False, lambda: None)
         yield from (tile.report() for tile in part.all_tiles)
-
-
-def shared_places(shapes: Sequence[Shape], weld: str) -> np.ndarray:
-    """Places of several vertices at rest: there the surface goes on in another mesh, or beyond doubled vertices."""
-    places = [borders.places(shape.rest) for shape in shapes]
-    # Doubled vertices that are welded are one.
-    return borders.shared(np.unique(own) if weld == "position" else own for own in places)
-
-
-def _vertices(shape: Shape, weld: str) -> np.ndarray:
-    """(corners,): the vertex of each, by which faces hang together."""
-    if weld != "position":
-        return shape.indices
-    _, first, of = np.unique(borders.places(shape.rest), return_index=True, return_inverse=True)
-    return first[of.reshape(-1)][shape.indices]

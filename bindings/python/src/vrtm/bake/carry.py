@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 import vrtm
-from vrtm.bake.carry_parts import Nearest, in_parts, wrong_faces
-from vrtm.bake.carry_prims import CarriedPrim, Scatter, placed
+from vrtm.bake import carry_frames, overwrite
+from vrtm.bake.carry_frames import Moved
+from vrtm.bake.carry_parts import Nearest, in_parts
+from vrtm.bake.carry_prims import CarriedPrim, Pose, Scatter
 from vrtm.bake.failure import INPUT, Failure, describe, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
-from vrtm.bake.scene import Scene, SceneError
+from vrtm.bake.scene import SceneError
+from vrtm.bake.scene.axes import placed
 from vrtm.bake.scene.topology import fans
 from vrtm.bake.settings import CONNECTED, is_alembic
 from vrtm.bake.words import counted
@@ -43,13 +47,16 @@ class Carry:
             raise Failure(INPUT, f"--carry {file}: no such file")
         self.work, self.file = work, file
         with work.scene.listening():
-            self.scatter = _opened(file, work.scene)
+            self.scatter = _opened(file, work)
             self.files = self.scatter.files
             prims = self._prims()
         self.groups = self._grouped(prims)
+        self.paths = {prim.path for group in self.groups for prim in group.prims}
+        self.left_out = self.scatter.left_out
         told = [line for group in self.groups for line in group.told()]
+        self._meant: dict[str, tuple[CarriedPrim, list[float], list[Pose]]] = {}
         self.warnings = [*self.scatter.warnings, *told]
-        if all((group.states == _TOO_FAR).all() for group in self.groups):
+        if self.groups and all((group.states == _TOO_FAR).all() for group in self.groups):
             raise Failure(INPUT, f"--carry-prims: {told[0]}: {file} must be in the world of the mesh at rest")
 
     def facts(self) -> list[str]:
@@ -60,24 +67,44 @@ class Carry:
             for prim in group.prims
         ]
 
-    def write(self, stop: Callable[[], None], warn: Callable[[str], None]) -> tuple[list[dict], bool]:
-        """Writes the file, unless it is up to date; returns what the report tells of each mesh, and whether it was
-        written. Each frame is solved once more, by the main process. Raises Failure."""
+    def write(self, stop: Callable[[], None], warn: Callable[[str], None]) -> tuple[list[dict], Counter]:
+        """Writes the file, unless it is up to date; returns what the report tells of each mesh, and the numbers of
+        files `written` and `skipped`. Each frame is solved once more, by the main process, unless a task of a farm has
+        written its file. A task writes these alone. Raises Failure."""
         settings = self.work.settings
         path = settings.carry_file
         assert path is not None
+        if not self.groups:
+            # One of an earlier bake would move what stays now.
+            if os.path.isfile(path) and overwrite.is_ours(path):
+                os.remove(path)
+            return [], Counter()
+        if settings.task is not None:
+            return [], Counter(state for group in self.groups for _, _, state in self._moved(group, stop))
+        if lacking := self.work.lacking():
+            warn(f"{path}: {lacking} (tasks of a farm that share the frames need --task)")
         with self.work.scene.listening():
             inputs = self._inputs(stop)
             known = self.scatter.known(path, inputs) if os.path.isfile(path) else None
             if known is not None:
-                return json.loads(known), False
+                return json.loads(known), Counter(skipped=1)
             rows = self._solved(stop)
             try:
                 for line in self.scatter.write(path, inputs, json.dumps(rows)):
                     warn(line)
             except OSError as error:
                 raise unwritable(path, error) from error
-        return rows, True
+        return rows, Counter(written=1)
+
+    def differences(self) -> Iterator[str]:
+        """The differences of the file, as its readers find it, from what it was meant to say; none if it was not
+        written."""
+        path = self.work.settings.carry_file
+        with self.work.scene.listening():
+            for prim, times, poses in self._meant.values():
+                yield from (
+                    f"{path}: {prim.path}: {found}" for found in self.scatter.differences(path, prim, times, poses)
+                )
 
     def _prims(self) -> list[CarriedPrim]:
         work, settings = self.work, self.work.settings
@@ -85,11 +112,8 @@ class Carry:
         self._rest = work.scene.source.rest_frame(work.shapes[0])
         prims: dict[str, CarriedPrim] = {}
         for path in settings.carry_prims:
-            for prim in self.scatter.prims(path, self._rest, baked, settings.carry_pieces == CONNECTED):
-                why = wrong_faces(prim)
-                if why is not None:
-                    raise Failure(INPUT, f"--carry-prims {path}: {self.file} {prim.path}: {why}")
-                prims[prim.path] = prim
+            found = self.scatter.prims(path, self._rest, baked, settings.carry_pieces == CONNECTED)
+            prims |= {prim.path: prim for prim in found}
         return list(prims.values())
 
     def _to_mesh(self, mesh: MeshWork, prim: CarriedPrim) -> np.ndarray:
@@ -135,26 +159,46 @@ class Carry:
                     inputs.array(self._from_mesh(group.mesh, prim, frame))
         return inputs.hex()
 
-    def _solved(self, stop: Callable[[], None]) -> list[dict]:
-        """Adds all frames to the file, and returns what the report tells of each mesh."""
-        rows = []
-        for group in self.groups:
-            worst, features, mesh, warm = (0.0, None), 0, group.mesh, False
-            for frame, positions in self._poses(mesh, stop):
+    def _moved(self, group: Group, stop: Callable[[], None]) -> Iterator[tuple[Frame, Moved, str]]:
+        """The places of a group in each frame: solved, or read from the file of a task. A task writes its files; they
+        are `written` or `skipped`."""
+        mesh, warm, is_task = group.mesh, False, self.work.settings.task is not None
+        for frame, positions in self._poses(mesh, stop):
+            name, count = mesh.shape.name, len(group.states)
+            path = self.work.carried_file(name, frame)
+            target = carry_frames.target(path, name, frame, count, group.inputs, positions)
+            moved = None if mesh.settings.warm else carry_frames.read(target)
+            state = "skipped" if moved else "written"
+            if moved is None:
                 try:
                     # The first one does not start from what the bake solved last.
                     mesh.parts[0].solve(frame, positions, mesh.every_tile, False, mesh.releases, warm, stop)
                 except SceneError:
                     continue
-                warm = mesh.settings.warm
-                places, turns = group.fetched()
-                info, time = group.carrier.info, self.scatter.time(frame)
-                features = max(features, info.features)
-                worst = max(worst, (info.rim, frame), key=lambda entry: entry[0])
+                warm, moved = mesh.settings.warm, group.moved()
+                if is_task:
+                    carry_frames.write(target, moved)
+            yield frame, moved, state
+
+    def _solved(self, stop: Callable[[], None]) -> list[dict]:
+        """Adds all frames to the file, and returns what the report tells of each mesh."""
+        rows = []
+        for group in self.groups:
+            worst, features, mesh = (0.0, None), 0, group.mesh
+            for frame, moved, _ in self._moved(group, stop):
+                time = self.scatter.time(frame)
+                features = max(features, moved.features)
+                worst = max(worst, (moved.rim, frame), key=lambda entry: entry[0])
                 for prim, to_mesh, own in zip(group.prims, group.to_mesh, group.own):
                     from_mesh = self._from_mesh(mesh, prim, frame)
                     bound = group.states[own] != _TOO_FAR
-                    self.scatter.add(prim, time, *prim.moved(places[own], turns[own], bound, to_mesh, from_mesh))
+                    points = prim.moved(moved.places[own], moved.turns[own], bound, to_mesh, from_mesh)
+                    self.scatter.add(prim, time, *points)
+                    world = placed(points[0], self.scatter.to_world(prim, frame))
+                    _, times, poses = self._meant.setdefault(prim.path, (prim, [], []))
+                    times.append(time)
+                    # The first and the last one.
+                    poses[1:] = [Pose(frame, time, *points, world)]
             rows.append(group.row() | {"features": features, "rim": worst[0], "rim_frame": worst[1]})
         return rows
 
@@ -186,12 +230,15 @@ class Group:
         except vrtm.Error as error:
             raise describe(error, f"--carry-prims: {mesh.shape.path}") from error
         self.states = self.carrier.states()
+        self.inputs = Fingerprint().text(VERSION, vrtm.version(), settings.carry_fit, mesh.common.hex(), self.farthest)
+        """A hash of all that places depend on besides the pose."""
+        self.inputs.array(np.concatenate(places))
 
-    def fetched(self) -> tuple[np.ndarray, np.ndarray]:
-        """(places, 3) and (places, 3, 3) in the pose that was solved last."""
-        found = self.carrier.fetch("positions", "matrices", dtype=np.float64)
+    def moved(self) -> Moved:
+        """The places in the pose that was solved last."""
+        found, info = self.carrier.fetch("positions", "matrices", dtype=np.float64), self.carrier.info
         assert found.positions is not None and found.matrices is not None
-        return found.positions, found.matrices
+        return Moved(found.positions, found.matrices, info.features, info.rim)
 
     def told(self) -> list[str]:
         lines = []
@@ -229,7 +276,7 @@ def line(row: dict) -> str:
     )
 
 
-def _opened(file: str, scene: Scene) -> Scatter:
+def _opened(file: str, work: Work) -> Scatter:
     if is_alembic(file):
         from vrtm.bake.scene.alembic_file import AlembicFile
 
@@ -237,10 +284,10 @@ def _opened(file: str, scene: Scene) -> Scatter:
         archive = AlembicFile(file)
         from vrtm.bake.carry_abc import AlembicScatter
 
-        return AlembicScatter(archive, scene)
+        return AlembicScatter(archive, work.scene)
     from vrtm.bake.carry_usd import UsdScatter
 
-    return UsdScatter(file, scene)
+    return UsdScatter(file, work.scene, work.frames)
 
 
 def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:

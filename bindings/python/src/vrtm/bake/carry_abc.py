@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from alembic3d import Abc, AbcCoreAbstract, AbcGeom
 
 from vrtm.bake import overwrite, staging
-from vrtm.bake.carry_prims import CarriedPrim, Scatter, made, wrong
+from vrtm.bake.carry_prims import CarriedPrim, Pose, Scatter, made, wrong
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene import Scene
@@ -47,15 +47,13 @@ class AlembicScatter(Scatter):
     def __init__(self, archive: AlembicFile, scene: Scene) -> None:
         super().__init__(archive.path, () if overwrite.is_ours(archive.path) else (archive.path,), "object", _KINDS)
         self._scene, self._archive = scene, archive
-        # A shot of USD counts time codes.
-        self._seconds = 1 / scene.source.stage.GetTimeCodesPerSecond() if scene.is_usd else 1.0
         self._carried: set[str] = set()
         self._motions: dict[str, Motion] = {}
         with self._reading():
             self._objects = {found.object.getFullName(): found for found in _objects_below(self._archive.top)}
 
     def time(self, frame: float) -> float:
-        return self._scene.clock.time(frame) * self._seconds
+        return self._scene.seconds(frame)
 
     def _there(self, path: str) -> Iterable[str] | None:
         return None if path.rstrip("/") == "" or path in self._objects else self._objects
@@ -94,6 +92,21 @@ class AlembicScatter(Scatter):
         except Exception:
             # It is damaged, or of another version.
             return None
+
+    def differences(self, path: str, prim: CarriedPrim, times: Sequence[float], poses: Sequence[Pose]) -> Iterator[str]:
+        there = {found.object.getFullName(): found for found in _objects_below(AlembicFile(path).top)}
+        found = there.get(prim.path)
+        if found is None or not found.schema:
+            yield "it is not there"
+            return
+        schema = getattr(AbcGeom, f"I{found.schema}")(found.parent, found.object.getName()).getSchema()
+        own = AlembicMesh(path, prim.path, prim.path, schema, found.above, False)
+        if own.samples != len(times) or (own.samples > 1 and not np.allclose(own.times(False), times, atol=_EVEN)):
+            yield f"P: has {own.samples} samples, not {len(times)} at the times of the frames"
+        for pose in poses:
+            differs = pose.differs(own.at(pose.time, None), to_world(found.above, pose.time))
+            if differs is not None:
+                yield f"frame {pose.frame}: {differs}"
 
     @property
     def _rate(self) -> float:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from vrtm import borders
-from vrtm.bake.carry_prims import CarriedPrim, placed
+from vrtm.bake.carry_prims import CarriedPrim
+from vrtm.bake.scene.axes import placed
 from vrtm.bake.scene.topology import next_corners
 
 _FOOT = 0.25
@@ -54,17 +55,6 @@ def connected(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np
     indices = same[indices]
     part = borders.connected(len(points), indices, indices[next_corners(counts)])
     return np.unique(part[same], return_inverse=True)[1].reshape(-1)
-
-
-def wrong_faces(prim: CarriedPrim) -> str | None:
-    """The reason that a mesh has no connected parts, as the end of a sentence."""
-    if prim.faces is None:
-        return None
-    counts, indices = prim.faces
-    if (counts < 0).any() or counts.sum() != len(indices):
-        return f"has {len(indices)} corners, and faces with {int(counts.sum())}"
-    beyond = (indices < 0) | (indices >= len(prim.points))
-    return f"has {len(prim.points)} points, and a face with point {indices[beyond][0]}" if beyond.any() else None
 
 
 class Nearest:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vrtm.bake.failure import INPUT, Failure
+from vrtm.bake.frames import Frame
+from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.axes import placed
 from vrtm.bake.words import near
 
 
@@ -54,6 +57,32 @@ class CarriedPrim:
         return points, quaternions(turned)
 
 
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A prim in a frame, as the written file has to say it."""
+
+    frame: Frame
+    time: float
+    """The file's own."""
+    points: np.ndarray
+    """(points, 3), in the prim's space."""
+    turns: np.ndarray | None
+    """(points, 4) quaternions x, y, z, w of instances."""
+    world: np.ndarray
+    """(points, 3), in the scene's world."""
+
+    def differs(self, points: np.ndarray, to_world: np.ndarray) -> str | None:
+        """The difference of what is found in the file, as the end of a sentence; `to_world`: (4, 4)."""
+        if len(points) != len(self.points):
+            return f"has {len(points)} points, not {len(self.points)}"
+        for where, found, meant in (("", points, self.points), (" in the world", placed(points, to_world), self.world)):
+            off = np.linalg.norm(found - meant, axis=1).max()
+            # Files hold f32.
+            if not off <= 1e-5 * max(np.abs(meant).max(), np.ptp(meant, axis=0).max(), 1e-30):
+                return f"a point is off by {off:.3g}{where}"
+        return None
+
+
 class Scatter(ABC):
     """A file with geometry on the skin, and the file that it becomes. `time` is the file's own."""
 
@@ -62,10 +91,11 @@ class Scatter(ABC):
         them that can be carried."""
         self._file, self.files, self._noun, self._kinds = path, files, noun, ", ".join(kinds)
         self.warnings: list[str] = []
+        self.left_out: list[LeftOut] = []
 
     def prims(self, path: str, frame: float, baked: Sequence[str], in_parts: bool) -> list[CarriedPrim]:
-        """A prim and those below it that can be carried, as they are at a frame; none of the meshes `baked`.
-        `in_parts`: meshes with their faces. Raises Failure."""
+        """A prim and those below it that can be carried, as they are at a frame; none of the meshes `baked`. Those that
+        cannot are left out. `in_parts`: meshes with their faces. Raises Failure."""
         where = f"--carry-prims {path}"
         there = self._there(path)
         if there is not None:
@@ -74,11 +104,12 @@ class Scatter(ABC):
         if not found:
             reason = f"it is none of {self._kinds} that is not baked, nor has one below"
             raise Failure(INPUT, f"{where}: in {self._file} {reason}")
-        prims = [self._read(name, self.time(frame), in_parts) for name in found]
-        for name, prim in zip(found, prims):
-            if isinstance(prim, str):
-                raise Failure(INPUT, f"{where}: {self._file} {name}: {prim}")
-        return prims
+        read = (self._read(name, self.time(frame), in_parts) for name in found)
+        prims = [prim if isinstance(prim, str) else wrong_faces(prim) or prim for prim in read]
+        self.left_out += [
+            LeftOut(f"not carried: {prim}", name) for name, prim in zip(found, prims) if isinstance(prim, str)
+        ]
+        return [prim for prim in prims if not isinstance(prim, str)]
 
     @abstractmethod
     def time(self, frame: float) -> float:
@@ -116,6 +147,11 @@ class Scatter(ABC):
     def known(self, path: str, inputs: str) -> str | None:
         """The text `told` of a file that is as it was written, of these inputs; None if there is no such file."""
 
+    @abstractmethod
+    def differences(self, path: str, prim: CarriedPrim, times: Sequence[float], poses: Sequence[Pose]) -> Iterator[str]:
+        """The differences of a written file, opened as its readers do, from what was meant for a prim: samples at
+        `times`, and some `poses`."""
+
 
 def wrong(points: np.ndarray, counts: np.ndarray | None = None) -> str | None:
     """The reason that points at rest cannot be carried, as the end of a sentence. `counts`: points of each curve."""
@@ -123,9 +159,20 @@ def wrong(points: np.ndarray, counts: np.ndarray | None = None) -> str | None:
         return "has no points at rest"
     if not np.isfinite(points).all():
         return f"has a point that is not finite: {int(np.argmin(np.isfinite(points).all(1)))}"
-    if counts is not None and ((counts < 1).any() or counts.sum() != len(points)):
+    if counts is not None and ((counts < 0).any() or counts.sum() != len(points)):
         return f"has {len(points)} points, and curves with {int(counts.sum())}"
     return None
+
+
+def wrong_faces(prim: CarriedPrim) -> str | None:
+    """The reason that a mesh has no connected parts, as the end of a sentence."""
+    if prim.faces is None:
+        return None
+    counts, indices = prim.faces
+    if (counts < 0).any() or counts.sum() != len(indices):
+        return f"has {len(indices)} corners, and faces with {int(counts.sum())}"
+    beyond = (indices < 0) | (indices >= len(prim.points))
+    return f"has {len(prim.points)} points, and a face with point {indices[beyond][0]}" if beyond.any() else None
 
 
 def made(
@@ -139,13 +186,10 @@ def made(
     """A prim whose curves are bound by their first points, and all else by each point."""
     roots, of = points, np.arange(len(points))
     if counts is not None:
+        # A curve of no points is nowhere.
+        counts = counts[counts > 0]
         roots, of = points[np.cumsum(counts) - counts], np.repeat(np.arange(len(counts)), counts)
     return CarriedPrim(path, kind, points, roots, of, turns, faces)
-
-
-def placed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """(points, 3), transformed by a (4, 4) as rows."""
-    return points @ matrix[:3, :3] + matrix[3, :3]
 
 
 def matrices(quaternions: np.ndarray) -> np.ndarray:

@@ -1,8 +1,6 @@
 """Messages of the program: a bar on a terminal, lines elsewhere, and lines for OpenJobDescription. Nothing that happens
 to the streams ends the bake: they may be closed, or full."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import stat

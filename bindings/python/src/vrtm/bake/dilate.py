@@ -4,8 +4,6 @@ A renderer's filter reads beyond the border of a chart. A texture that was dilat
 of the seam there, in its place, so that both sides show the same on the seam.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os
@@ -44,7 +42,7 @@ class Mesh:
 def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
     # All meshes: texels in the charts of any of them stay as they are.
-    options = SceneOptions(uv=tuple(parsed.uv) or None, rest=parsed.rest)
+    options = SceneOptions(uv=tuple(parsed.uv), rest=parsed.rest)
     with contextlib.ExitStack() as opened:
         with stop.at_once(console.error):
             scene = opened.enter_context(Scene(parsed.scene, options))

@@ -1,7 +1,5 @@
 """Errors that end the program, each with the exit code that tells a farm what to do about it."""
 
-from __future__ import annotations
-
 import traceback
 
 import vrtm

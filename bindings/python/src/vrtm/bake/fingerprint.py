@@ -1,7 +1,5 @@
 """A hash of everything that a file's content depends on, by which a later run tells whether the file is up to date."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np
@@ -13,17 +11,17 @@ class Fingerprint:
     def __init__(self) -> None:
         self._hash = hashlib.blake2b(digest_size=16)
 
-    def copy(self) -> Fingerprint:
+    def copy(self) -> "Fingerprint":
         other = Fingerprint()
         other._hash = self._hash.copy()
         return other
 
-    def text(self, *parts: object) -> Fingerprint:
+    def text(self, *parts: object) -> "Fingerprint":
         for part in parts:
             self._bytes(str(part).encode())
         return self
 
-    def array(self, values: np.ndarray | None) -> Fingerprint:
+    def array(self, values: np.ndarray | None) -> "Fingerprint":
         """Adds an array with its shape and type."""
         if values is None:
             return self.text("none")

@@ -9,30 +9,32 @@ from fractions import Fraction
 Frame = int | float
 
 _NUMBER = r"-?\d+(?:\.\d+)?"
-_RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?(?:[x:](\d+(?:\.\d+)?))?")
+_RANGE = re.compile(rf"({_NUMBER})(?:(?:-|\s+-\s+)({_NUMBER}))?(?:\s*[x:]\s*(\d+(?:\.\d+)?))?")
+_BETWEEN = re.compile(r",|(?<=\d)\s+(?=\d)")
+"""What separates the parts of a list. A blank on one side of a hyphen alone has two readings, and is refused."""
 _LONGEST = 10_000_000
 MOST = 100_000
 """Frames that are baked without being named: an hour, and ten minutes."""
 
 
 def parse(text: str) -> tuple[Frame, ...]:
-    """The numbers of a list: commas between numbers and ranges, `first-last`, with a step as `first-last x step` (also
-    written with a colon). Sorted, each once. Raises ValueError, naming the part that is wrong."""
+    """The numbers of a list: commas or blanks between numbers and ranges, `first-last`, with a step behind
+    an x or a colon, `first-lastxstep`. Sorted, each once. Raises ValueError, naming the part that is wrong."""
     numbers: set[Fraction] = set()
-    for part in text.split(","):
-        match = _RANGE.fullmatch("".join(part.split()))
+    for part in map(str.strip, _BETWEEN.split(text)):
+        match = _RANGE.fullmatch(part)
         if match is None:
-            raise ValueError(f"'{part.strip()}' is neither a number nor a range such as 1-10 or 1-10x2")
+            raise ValueError(f"'{part}' is neither a number nor a range such as 1-10 or 1-10x2")
         # Exact, so that a step of 0.1 meets the whole numbers.
         first, last = Fraction(match[1]), Fraction(match[2] or match[1])
         step = Fraction(match[3] or 1)
         if last < first:
-            raise ValueError(f"'{part.strip()}' runs backwards")
+            raise ValueError(f"'{part}' runs backwards")
         if step == 0:
-            raise ValueError(f"'{part.strip()}' has a step of 0")
+            raise ValueError(f"'{part}' has a step of 0")
         count = (last - first) // step + 1
         if count > _LONGEST:
-            raise ValueError(f"'{part.strip()}' is longer than {_LONGEST} numbers")
+            raise ValueError(f"'{part}' is longer than {_LONGEST} numbers")
         numbers.update(first + step * index for index in range(count))
     return tuple(map(_frame, sorted(numbers)))
 
@@ -76,9 +78,7 @@ def clamp(
     whether it has what lies between two of its frames. Raises ValueError for too many."""
     if wanted is None:
         if len(present) > MOST:
-            raise ValueError(
-                f"{len(present)} frames, {text(present)}, are more than {MOST}: --frames says which of them"
-            )
+            raise ValueError(f"{len(present)} frames, {text(present)}, are more than {MOST}: --frames says which")
         return tuple(present), ()
     there = present if isinstance(present, range) else set(present)
 

@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from vrtm.bake.frames import Frame
-from vrtm.bake.part import Part
+from vrtm.bake.part import Part, TileWork
 from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.topology import corner_starts
-from vrtm.borders import connected
+from vrtm.borders import connected, hashes
 
 Group = tuple[str, int]
 """The name of a part, and one of its layers."""
@@ -104,22 +104,17 @@ def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
 
 
 def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first place of each combination, and the number of each one's combination. Hardly ever are two taken for one,
-    which only joins surfaces."""
-    mixed = np.zeros(len(numbers[0]), np.uint64)
-    for number in numbers:
-        mixed = (mixed ^ number.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> np.uint64(29)
-    _, places, of = np.unique(mixed, return_index=True, return_inverse=True)
+    """The first place of each combination, and the number of each one's combination. Two that are taken for one only
+    join surfaces."""
+    _, places, of = np.unique(hashes(*numbers), return_index=True, return_inverse=True)
     return places, of.reshape(-1)
 
 
 def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> dict[Group, set[int]]:
     """The surfaces of each part and layer on which something is rigid."""
     found: dict[Group, set[int]] = {}
-    textured = shape.textured
     for part in parts:
-        faces = np.flatnonzero(textured) if part.faces is None else part.faces[textured[part.faces]]
+        faces = _textured(part)
         rigid = _rigid(shape, part, faces)
         layers = part.asset.face_layers()[faces]
         for layer in {tile.layer for tile in part.all_tiles}:
@@ -132,13 +127,31 @@ def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> di
     return found
 
 
+def is_painted(tile: TileWork) -> bool:
+    """True if anything of a tile may be rigid."""
+    part, shape = tile.part, tile.part.shape
+    faces = _textured(part)
+    faces = faces[part.asset.face_layers()[faces] == tile.layer]
+    three = np.minimum(np.arange(3), shape.face_counts[faces, None] - 1)
+    corners = corner_starts(shape.face_counts)[faces, None] + three
+    u, v = np.floor(shape.uvs[shape.uv_indices[corners]].mean(axis=1)).T
+    return bool(_rigid(shape, part, faces[1001 + u + 10 * v == tile.udim]).any())
+
+
+def _textured(part: Part) -> np.ndarray:
+    """The faces of a part that have UVs."""
+    textured = part.shape.textured
+    return np.flatnonzero(textured) if part.faces is None else part.faces[textured[part.faces]]
+
+
 def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
     """True for each face that may have anything rigid: in the texels around it, or its vertices."""
     counts, starts = shape.face_counts[faces], corner_starts(shape.face_counts)[faces]
     # Corners of the faces, one after another.
     corners = np.arange(counts.sum()) - np.repeat(corner_starts(counts) - starts, counts)
     cuts = corner_starts(counts)
-    found = np.zeros(len(faces), bool)
+    # Before there are maps, anything may become rigid.
+    found = np.full(len(faces), part.settings.is_unpainted)
     if len(faces) == 0:
         return found
     if shape.vertex_rigidity is not None:

@@ -1,7 +1,5 @@
 """The options of `vrtm dilate` and `vrtm rigidity`."""
 
-from __future__ import annotations
-
 import functools
 import math
 import re
@@ -9,7 +7,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Callable
 from typing import Any
 
-from vrtm.bake.parsing import LARGEST, WELDS, fraction, normal_maps, option, positive, whole
+from vrtm.bake.parsing import LARGEST, WELDS, fraction, normal_maps, not_negative, option, positive, whole
 
 DILATION = """\
 Writes copies of textures in which the surroundings of each chart show the surface beyond its seams, so that seams do
@@ -44,11 +42,13 @@ def add_rigidity(commands: Any) -> None:
     add("--out", "Write these maps, .png, .tif or .exr, with <UDIM> if IMAGE has it.", "IMAGE", required=True)
     add(
         "--from",
-        "Rigid are the bright parts, the parts of about one colour, or the parts that stand out of their surroundings.",
+        "Rigid are the bright parts, the parts of about one colour, or the parts that stand out of their surroundings. "
+        "With detail, what is drawn outside of the features of --and becomes grey.",
         dest="source",
-        choices=("brightness", "colour", "height"),
+        choices=("brightness", "colour", "height", "detail"),
         default="brightness",
     )
+    add("--and", "Add these rigidity maps, made or painted. Theirs is the size.", "IMAGE", dest="also")
     add(
         "--threshold",
         "The least brightness, or the least height above the surroundings as a part of the largest. By default the "
@@ -60,6 +60,14 @@ def add_rigidity(commands: Any) -> None:
     add("--tolerance", "With --from colour, the largest distance from it (0.2 by default).", "X", type=positive)
     add("--feature", "With --from height, the width of the largest feature (0.06 by default).", "UV", type=fraction)
     add("--sunken", "With --from height, sunken parts are rigid.", default=None)
+    text = "With --from detail, the most grey (0.3 by default). From 0.5 on, grey would be a feature."
+    add("--ceiling", text, "X", type=_grey)
+    add("--cells", "With --from detail, cells of the solve per side (256 by default).", "N", type=whole(16, LARGEST))
+    text = "With --from detail, the cells around features that stay elastic (4 by default)."
+    add("--margin", text, "CELLS", type=not_negative)
+    add("--normal-map", "With --from detail, the texture's normal map.", "IMAGE")
+    text = "With --from detail, write a map for --mask of vrtm bake instead: detail is black, and keeps its place."
+    add("--mask", text, default=None)
     add("--invert", "The other part is rigid.")
     add("--grow", "Add so many texels to the rigid parts, or remove them (-2).", "N", type=whole(-64, 64), default=0)
     add("--size", "Most texels of the maps per side.", "N", type=whole(16, LARGEST), default=1024)
@@ -69,6 +77,12 @@ def add_rigidity(commands: Any) -> None:
 def _common(add: Callable[..., None]) -> None:
     add("--overwrite", "Also replace files that vrtm has not written.")
     add("--quiet", "Print nothing but warnings and errors.")
+
+
+def _grey(text: str) -> float:
+    if (value := fraction(text)) >= 0.5:
+        raise ArgumentTypeError(f"'{text}' is not under 0.5")
+    return value
 
 
 def _colour(text: str) -> tuple[float, ...]:

@@ -1,8 +1,6 @@
 """Images that record what they were made of: EXR, PNG and TIFF through OpenImageIO, the same bytes for the same
 content."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -12,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import OpenImageIO as oiio
 
-from vrtm.bake import overwrite, staging
+from vrtm.bake import mip_levels, overwrite, staging
 from vrtm.bake.failure import INPUT, Failure, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene.images import KEPT, said
@@ -49,12 +47,20 @@ class Target:
     """OpenImageIO's name of the file format."""
     alpha: int = -1
     """The channel that covers, -1: none does."""
+    has_levels: bool = False
+    """True for a texture that is tiled, with mip levels."""
 
 
 def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | None = None) -> None:
     """Writes (height, width, channels) pixels, the first row at the top. `figures` is kept for later runs, too. The
     file appears complete or not at all. Raises Failure."""
-    spec = _spec(target)
+    spec = oiio.ImageSpec(target.width, target.height, len(target.channels), _TYPES[target.dtype])
+    spec.channelnames = target.channels
+    spec.alpha_channel = target.alpha
+    # OpenImageIO would put in the time of writing.
+    further = {"compression": ("string", "zip"), "DateTime": ("string", "")}
+    for name, (kind, value) in (further | dict(target.attributes)).items():
+        spec.attribute(name, kind, value)
     facts = dict(target.facts)
     if figures is not None:
         facts[_FIGURES] = json.dumps(figures, sort_keys=True)
@@ -68,11 +74,14 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
             spec.attribute(name, "int" if number else "string", value if number else str(value))
 
     def body(temporary: str) -> None:
+        packed = np.ascontiguousarray(pixels)
+        if target.has_levels:
+            mip_levels.write(temporary, target.format, spec, packed)
+            return
         # By the format's name, because the temporary name has no ending.
         out = oiio.ImageOutput.create(target.format)
         if out is None:
             raise OSError(said(oiio))
-        packed = np.ascontiguousarray(pixels)
         if not (out.open(temporary, spec) and out.write_image(packed) and out.close()):
             raise OSError(said(out))
 
@@ -101,16 +110,14 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
             return None
         reason = "its pixels, or its figures, are not those that vrtm wrote: --overwrite replaces it"
         raise Failure(INPUT, f"{target.path}: {reason}")
-    # One without is another program's, or of another of vrtm's programs.
-    if _PIXELS not in facts:
-        return None
-    if target.width and (spec.width, spec.height) != (target.width, target.height):
-        return None
-    if (spec.nchannels, str(spec.format)) != (len(target.channels), _TYPES[target.dtype]):
-        return None
-    if target.format == "openexr" and tuple(spec.channelnames) != target.channels:
-        return None
-    if any(str(facts.get(name)) != str(value) for name, value in target.facts.items()):
+    if (
+        # One without is another program's, or of another of vrtm's programs.
+        _PIXELS not in facts
+        or (target.width and (spec.width, spec.height) != (target.width, target.height))
+        or (spec.nchannels, str(spec.format)) != (len(target.channels), _TYPES[target.dtype])
+        or (target.format == "openexr" and tuple(spec.channelnames) != target.channels)
+        or any(str(facts.get(name)) != str(value) for name, value in target.facts.items())
+    ):
         return None
     try:
         return json.loads(facts.get(_FIGURES, "{}"))
@@ -174,7 +181,10 @@ def _read(path: str) -> tuple[oiio.ImageSpec, dict, str] | None:
             said(file)
             return None
         digest = _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1), facts)
-        return (spec, facts, digest) if file.format_name() != "png" or _ends(path) else None
+        is_whole = file.format_name() != "png" or _ends(path)
+        if is_whole and spec.tile_width and facts.get(_PIXELS) == digest:
+            is_whole = mip_levels.are_whole(file)
+        return (spec, facts, digest) if is_whole else None
     except (OSError, ValueError, TypeError):
         return None
     finally:
@@ -186,18 +196,6 @@ def _ends(path: str) -> bool:
     with open(path, "rb") as file:
         file.seek(-len(_PNG_END), os.SEEK_END)
         return file.read() == _PNG_END
-
-
-def _spec(target: Target) -> oiio.ImageSpec:
-    spec = oiio.ImageSpec(target.width, target.height, len(target.channels), _TYPES[target.dtype])
-    spec.channelnames = target.channels
-    spec.alpha_channel = target.alpha
-    spec.attribute("compression", "zip")
-    # OpenImageIO would put in the time of writing.
-    spec.attribute("DateTime", "string", "")
-    for name, (kind, value) in target.attributes.items():
-        spec.attribute(name, kind, value)
-    return spec
 
 
 def _facts(spec: oiio.ImageSpec, form: str) -> dict:

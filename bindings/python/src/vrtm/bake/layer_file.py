@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Callable, Iterator
 
-from vrtm.bake import frames, image_file, tokens, warped
+from vrtm.bake import image_file, tokens, warped
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
 from vrtm.bake.layer.clips import manifest_path
+from vrtm.bake.layer.differences import differences
 from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.layer.write import redirected, relative, write_layer, write_root
 from vrtm.bake.mark import meshes_of
-from vrtm.bake.outputs import corner_name
+from vrtm.bake.outputs import frame_name
 from vrtm.bake.part import Part
 from vrtm.bake.settings import Settings
 from vrtm.bake.words import others
@@ -28,13 +30,13 @@ def names(settings: Settings) -> list[str]:
     return [settings.layer, *manifest]
 
 
-def write(work: Work) -> tuple[list[str], Failure | None]:
-    """Writes the layer of all frames and meshes that the settings name; returns warnings, and a failure if the layer
-    changes nothing. Raises Failure."""
+def write(work: Work) -> tuple[list[str], Failure | None, Callable[[], Iterator[str]]]:
+    """Writes the layer of all frames and meshes that the settings name; returns warnings, a failure if files that it
+    names are missing or of another form, and what reads it back. Raises Failure."""
     settings = work.settings
     assert settings.layer is not None
     try:
-        named: dict[str, list[str]] = {}
+        named: dict[str, tuple[Frame, list[str]]] = {}
         with work.scene.listening():
             plan = planned(work, named)
             written = write_layer(settings.layer, work.scene, plan)
@@ -42,36 +44,37 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
                 write_root(settings.root, settings.layer, settings.scene)
     except OSError as error:
         raise _failure(work, error.strerror or error) from error
-    warnings = written.warnings
-    there = work.scene.frames
-    lacks = len(there) - sum(isinstance(frame, int) and frame in there for frame in work.frames)
-    if lacks and settings.freeze is None:
-        # A list of very many is not readable.
-        listed = frames.text(set(there) - set(work.frames)) if len(there) <= frames.MOST else ""
-        which = f"frames {listed}" if listed else f"{lacks} frames"
-        shown = f"{which} of the scene are not in it, and show the ones before them"
-        warnings = [*warnings, f"--layer {settings.layer}: {shown}"]
-    if written.changes:
-        paths = [path for name in sorted(written.files) for path in named.get(name, ())]
-        lacking = [path for path in paths if not os.path.isfile(path)]
-        forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
-        wrong = [path for path, form in forms if form != settings.form]
-        if wrong:
-            message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
-            return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}")
-        return warnings, _lacking(settings, lacking) if lacking else None
-    return warnings, Failure(TOLERANCE, _idle(settings)) if plan.shapes else None
+    warnings, layer = written.warnings, os.path.abspath(settings.layer)
+
+    def compared() -> Iterator[str]:
+        with work.scene.listening():
+            found = list(differences(layer, settings.root, work.scene, plan, named))
+        yield from (f"{settings.layer}: {what}" for what in found)
+
+    lacking = work.lacking()
+    if lacking and settings.freeze is None:
+        warnings = [*warnings, f"--layer {settings.layer}: {lacking}, and show the ones before them"]
+    paths = [path for name in sorted(written.files & named.keys()) for path in named[name][1]]
+    gone = [path for path in paths if not os.path.isfile(path)]
+    forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
+    wrong = [path for path, form in forms if form != settings.form]
+    if wrong:
+        message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
+        return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}"), compared
+    return warnings, _lacking(settings, gone) if gone else None, compared
 
 
-def foretell(work: Work) -> list[str]:
-    """Warnings of the layer that will be written: better known before hours of baking."""
+def foretell(work: Work) -> tuple[list[str], Failure | None]:
+    """Warnings of the layer that will be written, and a failure if it would redirect nothing: better known before hours
+    of baking."""
     assert work.settings.layer is not None
     plan = planned(work, {})
     # Its frames have the same materials.
     plan = dataclasses.replace(plan, frames=plan.frames[:1], freeze=None)
     with work.scene.listening():
         _, warnings, changes = redirected(work.settings.layer, work.scene, plan)
-    return warnings if changes or not plan.shapes else [*warnings, _idle(work.settings)]
+    # Without a gain there is nothing to redirect.
+    return warnings, Failure(INPUT, _idle(work.settings)) if plan.shapes and not changes else None
 
 
 def _idle(settings: Settings) -> str:
@@ -118,16 +121,16 @@ def _failure(work: Work, reason: object) -> Failure:
     return Failure(INPUT, f"--layer {work.settings.layer}: {one_line(reason)}")
 
 
-def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
-    """The layer's plan. `files` receives the files behind each name that the plan is asked for."""
+def planned(work: Work, files: dict[str, tuple[Frame, list[str]]]) -> LayerPlan:
+    """The layer's plan. `files` receives the frame and the files behind each name that the plan is asked for."""
     settings = work.settings
     assert settings.layer is not None
     beside = os.path.dirname(os.path.abspath(settings.layer))
 
-    def named(name: str, *fillings: str) -> str:
+    def named(name: str, frame: Frame, *fillings: str) -> str:
         path = os.path.join(settings.out, name)
         found = relative(path, beside)
-        files[found] = [path.replace("<UDIM>", filling) for filling in fillings or ("",)]
+        files[found] = frame, [path.replace("<UDIM>", filling) for filling in fillings or ("",)]
         return found
 
     def part_of(mesh: str, subset: str) -> Part:
@@ -138,7 +141,7 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
 
     def map_path(mesh: str, frame: Frame, udim: int | str, layer: int = 0, subset: str = "") -> str:
         name = work.pattern.name(mesh, "redirect", frame, udim, layer=layer, subset=subset)
-        return named(name, *map(str, udims(part_of(mesh, subset), layer)))
+        return named(name, frame, *map(str, udims(part_of(mesh, subset), layer)))
 
     def warped_path(mesh: str, frame: Frame, texture: str, layer: int = 0, subset: str = "") -> str | None:
         part = part_of(mesh, subset)
@@ -154,11 +157,11 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
                 tile = "<UDIM>" if tokens.has_tile(name) else present[0]
                 extension = warped.extension(paths[present[0]])
                 name = work.pattern.name(mesh, copy.kind, frame, tile, extension, layer, subset)
-                return named(name, *map(str, present))
+                return named(name, frame, *map(str, present))
         return None
 
     def corner_path(mesh: str, frame: Frame) -> str:
-        return named(corner_name(work.pattern, mesh, frame))
+        return named(frame_name(work.pattern, mesh, frame), frame)
 
     # Meshes without a gain stay as the shot has them.
     gaining = {name: mesh for name, mesh in work.meshes.items() if mesh.gains}

@@ -13,7 +13,7 @@ Nothing that depends on a frame or names the mesh belongs into `why`: entries wi
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 
 from vrtm.bake.frames import Frame
 from vrtm.bake.words import numbered, others
@@ -47,31 +47,17 @@ class LeftOut:
         return ": ".join(filter(None, [", ".join(filter(None, parts)), self.why]))
 
     def row(self) -> dict:
-        return {
-            "mesh": self.mesh or None,
-            "frames": list(self.frames),
-            "tiles": list(self.tiles),
-            "layers": list(self.layers),
-            "why": self.why,
-            "meant": self.meant,
-        }
+        return asdict(self) | {"mesh": self.mesh or None}
 
 
 def merged(entries: Iterable[LeftOut]) -> list[LeftOut]:
     """Entries with one for all frames of a mesh and its tiles, in the order of the first of each."""
-    found: dict[tuple, set[Frame] | None] = {}
+    found: dict[LeftOut, list[tuple[Frame, ...]]] = {}
     for entry in entries:
-        key = (entry.why, entry.mesh, entry.tiles, entry.layers, entry.meant)
-        known = found.setdefault(key, set())
-        # An entry for all frames includes the others.
-        if not entry.frames:
-            found[key] = None
-        elif known is not None:
-            known.update(entry.frames)
-    return [
-        LeftOut(why, mesh, tuple(sorted(numbers or ())), tiles, layers, meant)
-        for (why, mesh, tiles, layers, meant), numbers in found.items()
-    ]
+        found.setdefault(replace(entry, frames=()), []).append(entry.frames)
+    # An entry for all frames includes the others.
+    every = {entry: () if () in of else tuple(sorted(set().union(*of))) for entry, of in found.items()}
+    return [replace(entry, frames=numbers) for entry, numbers in every.items()]
 
 
 def lines(entries: Iterable[LeftOut]) -> list[str]:

@@ -1,7 +1,5 @@
 """The mark of the layers that vrtm writes, by which a later bake knows that it may replace them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
@@ -14,13 +12,15 @@ Found = TypeVar("Found")
 _KIND, _CONTENT, _MESHES = "vrtm_kind", "vrtm_content", "vrtm_meshes"
 CORNERS = "corners"
 """The kind of files of corner UVs. They are many and large: their content is looked at when they are read."""
+SHAPES = "shapes"
+"""The kind of a mesh with blend shapes, which is large, too."""
 CARRIED = "carried"
 """The kind of layers with geometry on the skin."""
 
 
 def mark(layer: Sdf.Layer, kind: str, meshes: Sequence[str] = ()) -> None:
     """Marks a layer, whose content must not change afterwards. `meshes`: the paths of those that it redirects."""
-    told: dict = {_KIND: kind} if kind == CORNERS else {_KIND: kind, _CONTENT: _content(layer)}
+    told: dict = {_KIND: kind} if kind in (CORNERS, SHAPES) else {_KIND: kind, _CONTENT: _content(layer)}
     layer.customLayerData = told | ({_MESHES: Vt.StringArray(list(meshes))} if meshes else {})
 
 
@@ -55,7 +55,7 @@ def is_marked(layer: Sdf.Layer) -> bool:
     """True if a layer has the mark, and the content that it was marked with: a layer that was edited by hand, or
     flattened with others, keeps its mark and is not vrtm's any more."""
     told = layer.customLayerData
-    return told.get(_KIND) == CORNERS or (_CONTENT in told and told[_CONTENT] == _content(layer))
+    return told.get(_KIND) in (CORNERS, SHAPES) or (_CONTENT in told and told[_CONTENT] == _content(layer))
 
 
 def _content(layer: Sdf.Layer) -> str:

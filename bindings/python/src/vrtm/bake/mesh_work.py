@@ -18,7 +18,7 @@ from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
-from vrtm.bake.outputs import CornerFile, corner_name
+from vrtm.bake.outputs import CornerFile, frame_name
 from vrtm.bake.part import Given, Part, TileWork, parts
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import AUTO, Borders
@@ -139,7 +139,7 @@ class MeshWork:
     def names(self, frame: Frame, pattern: Pattern) -> list[str]:
         names = self._image_names(self.tiles, frame, pattern)
         if self.settings.corner_uvs and self.gains:
-            names.append(os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame)))
+            names.append(os.path.join(self.settings.out, frame_name(pattern, self.shape.name, frame)))
         return names
 
     def _images(self, tile: TileWork) -> Iterator[tuple[outputs.Output | warped.Copy, str]]:
@@ -204,13 +204,14 @@ class MeshWork:
         return facts | {name: value for name, value in further.items() if value}
 
     def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
-        path = os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame))
+        path = os.path.join(self.settings.out, frame_name(pattern, self.shape.name, frame))
         return CornerFile(path, self.common.copy().text(pose).hex())
 
     def check(self, pieces: Sequence[Piece]) -> list[dict | None]:
         """The record of each file that is up to date; None for each that has to be written."""
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
-        wanted = {"fixed", "rigid", "texels_limited"} | ({"strain", "features"} if self.settings.measure else set())
+        measured = {"strain", "features", "map"} if self.settings.measure else set()
+        wanted = {"fixed", "rigid", "texels_limited"} | measured
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)
@@ -267,7 +268,7 @@ class MeshWork:
         told = [tile["strain"] for tile in result.tiles]
         counted = [tile["features"] for tile in result.tiles]
         if measure and all(tile in figures for tile in self.tiles):
-            told = [rows.strain(tile.tile.report()) for tile in self.tiles]
+            told = [rows.strain(tile) for tile in self.tiles]
             counted = [rows.features(tile.tile) for tile in self.tiles]
         if told and all(told):
             result.strain, result.features = rows.mean(map(rows.Strain.of, told)), counted if all(counted) else []

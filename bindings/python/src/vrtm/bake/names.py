@@ -1,7 +1,5 @@
 """Names of the files that are written: a pattern with placeholders."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping
@@ -58,16 +56,11 @@ class Pattern:
         number = frame if isinstance(frame, str) else padded(frame)
         text, mark = self.text, f"_layer{layer}" if layer else ""
         if mark and "<kind>" not in text:
-            text = _marked(text, mark)
+            # Numbers stay last, where programs look for them.
+            folder, slash, name = text.rpartition("/")
+            before = re.split("<frame>|<UDIM>|\\.exr$", name)[0].rstrip("._- ")
+            text = f"{folder}{slash}{before}{mark if before else mark[1:] + '.'}{name[len(before) :]}"
             mark = ""
         values = {"<mesh>": mesh, "<subset>": subset, "<kind>": kind + mark, "<frame>": number, "<UDIM>": str(udim)}
         filled = re.sub("|".join(_PLACEHOLDERS), lambda match: values[match[0]], text)
         return filled[: -len(".exr")] + extension
-
-
-def _marked(text: str, mark: str) -> str:
-    """A pattern with a mark in the file's name: numbers stay last, where programs look for them."""
-    folder, slash, name = text.rpartition("/")
-    before = re.split("<frame>|<UDIM>|\\.exr$", name)[0].rstrip("._- ")
-    rest = name[len(before) :]
-    return folder + slash + (before + mark + rest if before else f"{mark[1:]}.{rest}")

@@ -1,7 +1,5 @@
 """Kinds of files: those per frame and tile, straight from the library, and redirected corner UVs per mesh and frame."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from dataclasses import dataclass
@@ -73,12 +71,12 @@ def listed(settings: Settings) -> tuple[Output, ...]:
     return tuple(outputs)
 
 
-def corner_name(pattern: Pattern, mesh: str, frame: Frame) -> str:
-    """The name below the output folder: that of the maps, of the kind `corners`, without a tile's number."""
+def frame_name(pattern: Pattern, mesh: str, frame: Frame, kind: str = "corners", ending: str = ENDING) -> str:
+    """The name below the output folder of a file of no single tile: that of the maps, without a tile's number."""
     folder, name = os.path.split(pattern.text)
     parts = [part for part in name[: -len(".exr")].split(".") if part not in ("<UDIM>", "<subset>")]
     stripped = "/".join(filter(None, [folder, ".".join(parts) + ".exr"]))
-    return Pattern(stripped, {"<subset>": 1}).name(mesh, "corners", frame, "all", ENDING, subset="all")
+    return Pattern(stripped, {"<subset>": 1}).name(mesh, kind, frame, "all", ending, subset="all")
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """The files that a program of vrtm may replace: never one that it reads, and none that vrtm has not written."""
 
-from __future__ import annotations
-
 import mmap
 import os
 import re
@@ -22,6 +20,10 @@ _BEGINNING = 1 << 16
 """Bytes at a file's beginning that mostly include an image's mark."""
 _LEAST_EXR = 256
 """Bytes of the shortest EXR, with the attributes that it must have."""
+
+
+_LONGEST = 255 - len("..0123456789abcdef.part")
+"""Bytes of a name that has a temporary name beside it, too."""
 
 
 class Conflict(ValueError):
@@ -51,6 +53,8 @@ def check(outputs: Iterable[tuple[str, str]], inputs: Iterable[tuple[str, str]],
         folder, name = os.path.split(path)
         if not name:
             raise Conflict(f"{what}: '{path}' names no file")
+        if len(os.fsencode(name)) > _LONGEST:
+            raise Conflict(f"{what}: {path}: its name has {len(os.fsencode(name))} bytes, more than {_LONGEST}")
         while folder and not os.path.lexists(folder):
             folder = os.path.dirname(folder)
         if folder and not os.path.isdir(folder):

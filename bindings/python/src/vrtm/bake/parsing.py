@@ -39,7 +39,7 @@ def option(to: argparse._ActionsContainer, name: str, text: str, value: str = ""
     there may be several values. An option without a value, choices or a number of values is a flag."""
     if value.endswith("..."):
         more = {"nargs": "+", "action": "extend", "default": []} | more
-    elif not value and not more.keys() & {"choices", "nargs"}:
+    elif not value and not more.keys() & {"action", "choices", "nargs"}:
         more["action"] = "store_true"
     if value:
         more["metavar"] = value.removesuffix("...")

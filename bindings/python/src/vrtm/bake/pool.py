@@ -5,8 +5,6 @@ are spawned, not forked: a fork copies locks that other threads hold. They leave
 tells them through a pipe to stop, and they end by themselves when it is gone.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import multiprocessing

@@ -1,7 +1,5 @@
 """Triangles as a camera sees them, in numpy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -46,7 +46,6 @@ class Remarks:
     def opened(self, work: Work, carried: carry.Carry | None) -> None:
         """The scene is open and checked."""
         self.warn(*notes(work), *(carried.warnings if carried else ()))
-        self.warn(*(layer_file.foretell(work) if work.settings.layer else ()))
         self.warn(*left_out.lines(left_out.unmeant(work.left_out)))
         self.info(*facts(work), *borders(work), *hints(work), *(carried.facts() if carried else ()))
         for line in work.told():
@@ -119,6 +118,8 @@ def notes(work: Work) -> list[str]:
     rest = settings.options.rest or ""
     if rest.startswith("frame:") and not there[0] <= frame_number(rest) <= there[-1]:
         notes.append(f"--rest {rest}: {settings.scene} has the frames {frames.text(there)}")
+    if settings.only_layer and settings.limits:
+        notes.append(f"--only-layer solves nothing: {', '.join(settings.limits)} cannot be checked")
     if settings.half and settings.form != "delta":
         notes.append("--half: numbers of 16 bits are off by a texel of a texture of 4096, but for --form delta")
     for part in work.parts:
@@ -159,6 +160,10 @@ def hints(work: Work) -> list[str]:
             hints.append(
                 f"{first}, {second}{others(len(more))} share {path}: with {placeholder} in --{option} each has its own"
             )
+    for scheme, (first, *more) in _grouped((shape.scheme, shape.path) for shape in work.shapes if shape.scheme).items():
+        then = "--subdivide 2 refines it" if scheme == "catmullClark" else "its scheme cannot be refined"
+        where = f"{first}{others(len(more))}"
+        hints.append(f"{where}: renderers smooth this subdivision surface ({scheme}), and its cage is baked: {then}")
     for mesh in work.meshes.values() if not work.settings.layer else ():
         most = max((tile.tile.layers for tile in mesh.tiles), default=1)
         if most > 1:
@@ -215,20 +220,25 @@ def planned(work: Work) -> Iterator[str]:
             size = size if tile.size[0] else "auto"
             maps = ", ".join(_maps(tile.part, tile.udim))
             share = needs.movable_nodes / ((tile.cells[0] + 1) * (tile.cells[1] + 1))
-            needed = _mb(needs.solving_bytes)
-            name = rows.tile_name(rows.place(tile))
-            yield f"  tile {name}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
+            needed = f"; {share:.1%} may move; {_mb(needs.solving_bytes)}"
+            if settings.is_unpainted:
+                # Its maps will tell.
+                grid, needed = grid if settings.size else "by the features", ""
+                size = size if settings.size or settings.map_size else "as the rigidity map"
+            yield f"  tile {rows.tile_name(rows.place(tile))}: grid {grid}, maps {size}, {maps}{needed}"
     names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
     there = sum(map(os.path.exists, names))
     if names and not settings.only_layer:
         yield f"files: {len(names)} below {settings.out}, {there} of which are there: {names[0]} to {names[-1]}"
-    for path in layer_file.names(settings) if settings.layer else ():
+    for path in layer_file.names(settings) if "--layer" in settings.beside else ():
         yield f"layer: {path}"
-    yield from [f"carried: {settings.carry_file}"] if settings.carry_file else []
+    yield from (f"carried: {path}" for path in work.carried_files())
     yield from (f"sheet: {path}" for path in work.sheets().values())
     for what in ("root", "report", "log"):
         path = getattr(settings, what)
         yield from [f"{what}: {path}"] if path else []
+    if settings.is_unpainted:
+        return
     jobs, threads = pool.split(settings, work, len(work.frames) * len(work.meshes))
     most = f"{counted(jobs, 'job')} of {counted(threads, 'thread')}"
     yield f"memory: {_mb(work.bytes)} per job, besides the scene; at most {most}"

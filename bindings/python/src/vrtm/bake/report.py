@@ -14,7 +14,7 @@ from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, unwritable
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
-from vrtm.bake.rows import Strain, mean, tile_name
+from vrtm.bake.rows import UNMEASURED, Strain, mean, tile_name
 from vrtm.bake.settings import EACH, Settings
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work
@@ -62,9 +62,9 @@ class Summary:
             return "strain not measured (--measure)"
         total, worst = mean(self.measured.values()), self._worst
         if not total.segments:
-            return gain.NOTHING
-        if total.before < _NONE:
-            return gain.RIGIDLY
+            return f"strain not measured: {UNMEASURED}" if total.unmeasured else gain.NOTHING
+        if max(total.before, total.after) < _NONE:
+            return f"no strain in {counted(len(self.measured), 'measured frame')}"
         change = f"strain {total.before:.3g} -> {total.after:.3g} RMS"
         if len(self.frames) == 1:
             return change
@@ -138,14 +138,17 @@ def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> It
 
 
 def shares(tile: dict) -> str:
-    """Shares of a tile's texels that are fixed and that may move, as a sentence. Grey paint counts as none."""
+    """Shares of a tile's texels that are fixed and that may move, as a sentence."""
     rigid = tile["rigid"]
     told = (
         f"{rigid['fixed']:.1%} of the rigid texels are fixed, {rigid['overlapped']:.1%} overlapped, "
         f"{rigid['movable']:.1%} may move; "
     )
     covered = f"{tile['overlap']:.1%} of the covered ones are overlapped, {tile['movable']:.1%} of the grid may move"
-    return told + covered if rigid["texels"] else covered.replace("ones", "texels")
+    if rigid["texels"]:
+        return told + covered
+    grey = f"{tile['fixed']:.1%} of the rigid segments are fixed; " if tile["fixed"] else ""
+    return grey + covered.replace("ones", "texels")
 
 
 def advice(settings: Settings, tile: dict) -> str:
@@ -239,35 +242,53 @@ def nothing(results: Sequence[FrameResult]) -> Failure | None:
 
 
 def tolerance(work: Work, results: Sequence[FrameResult]) -> Failure | None:
-    """The failure of the worst tile, if a limit is exceeded."""
+    """The failure of the worst tile, if a limit is exceeded, or could not be compared with what it limits."""
     settings = work.settings
     # In this order, not in that in which they were done: of equals the first one is told.
     ordered = sorted(results, key=lambda result: (result.frame, result.mesh))
     rows = [(result, tile) for result in ordered for tile in result.tiles]
-    beyond = []
     fixed = [(r, t) for r, t in rows if t["fixed"] > MOSTLY]
     if settings.max_strain is not None and fixed:
         result, tile = max(fixed, key=lambda entry: entry[1]["fixed"])
-        place = f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
-        message = f"--max-strain cannot be met in {len(fixed)} of {len(rows)}: {place}: {shares(tile)}"
+        message = f"--max-strain cannot be met in {len(fixed)} of {len(rows)}: {_named(result, tile)}: {shares(tile)}"
         return Failure(TOLERANCE, f"{message}; {advice(work.meshes[result.mesh].settings, tile)}")
-    if settings.max_strain is not None:
-        found = [(t["strain"]["after"]["rms"], r, t) for r, t in rows if t["strain"]]
-        beyond.append(("--max-strain", settings.max_strain, "RMS strain of", found))
-    if settings.max_error is not None:
-        found = [(t["map"]["error_texels"]["p99"], r, t) for r, t in rows if t["map"]]
-        beyond.append(("--max-error", settings.max_error, "texels that 1 % of the map is off by:", found))
-    if settings.max_worse is not None:
-        found = [(t["features"]["worse"], r, t) for r, t in rows if t["features"]]
-        beyond.append(("--max-worse", settings.max_worse, "features that are worse than without vrtm:", found))
-    for option, limit, name, found in beyond:
-        over = [entry for entry in found if entry[0] > limit]
+    unknown = []
+    for option, limit in settings.limits.items():
+        name, of = _LIMITED[option]
+        found = [(of(t), r, t) for r, t in rows]
+        known = [entry for entry in found if math.isfinite(entry[0])]
+        unknown += [(option, _named(r, t), UNMEASURED) for value, r, t in found if not math.isfinite(value)]
+        unknown += [(option, f"{r.mesh}, frame {r.frame}", r.left_out[0].why) for r in ordered if not r.tiles]
+        over = [entry for entry in known if entry[0] > limit]
         if over:
             value, result, tile = max(over, key=lambda entry: entry[0])
-            place = f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
             more = f", {_place(tile['features']['worst'][0])}" if option == "--max-worse" else ""
-            return Failure(
-                TOLERANCE,
-                f"{option} {limit:g} was exceeded in {len(over)} of {len(found)}: {place}: {name} {value:.4g}{more}",
-            )
+            message = f"{option} {limit:g} was exceeded in {len(over)} of {len(found)}: {_named(result, tile)}: {name}"
+            return Failure(TOLERANCE, f"{message} {value:.4g}{more}")
+    for option, place, why in unknown:
+        # A limit never counts as kept where nothing was measured.
+        return Failure(TOLERANCE, f"{option} could not be checked in {len(unknown)} places: {place}: {why}")
     return None
+
+
+def _named(result: FrameResult, tile: dict) -> str:
+    return f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
+
+
+def _strain_of(tile: dict) -> float:
+    strain = Strain.of(tile["strain"])
+    return math.nan if strain.unmeasured else strain.after
+
+
+def _worse_of(tile: dict) -> float:
+    strain, features = Strain.of(tile["strain"]), tile["features"]
+    # Rigid sets of few segments count as no features.
+    return math.nan if strain.unmeasured or (strain.segments and not features["count"]) else features["worse"]
+
+
+_LIMITED = {
+    "--max-strain": ("RMS strain of", _strain_of),
+    "--max-error": ("texels that 1 % of the map is off by:", lambda tile: tile["map"]["error_texels"]["p99"]),
+    "--max-worse": ("features that are worse than without vrtm:", _worse_of),
+}
+"""Of each option that limits a figure of tiles: its name, and the figure, NaN if it is not known."""

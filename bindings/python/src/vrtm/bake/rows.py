@@ -1,7 +1,5 @@
 """Rows of the report: of a tile, its strain and its map, and of files."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os
@@ -9,8 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import vrtm
+from vrtm.bake import gain
 from vrtm.bake.part import TileWork
 from vrtm.bake.settings import Settings
+
+UNMEASURED = "the painted features are too small for the grid (--size)"
+"""The reason why no strain is known."""
 
 
 @dataclass(frozen=True)
@@ -20,11 +22,13 @@ class Strain:
     segments: int
     before: float
     after: float
+    unmeasured: bool = False
+    """True if something is rigid, and no segment is."""
 
     @staticmethod
-    def of(told: dict) -> Strain:
+    def of(told: dict) -> "Strain":
         """The strain of a tile, from its row."""
-        return Strain(told["segments"], told["before"]["rms"], told["after"]["rms"])
+        return Strain(told["segments"], told["before"]["rms"], told["after"]["rms"], told.get("unmeasured", False))
 
 
 def mean(strains: Iterable[Strain]) -> Strain:
@@ -35,11 +39,13 @@ def mean(strains: Iterable[Strain]) -> Strain:
     def rms(values: Iterable[float]) -> float:
         return math.sqrt(sum(own.segments * value**2 for own, value in zip(found, values)) / max(segments, 1))
 
-    return Strain(segments, rms(own.before for own in found), rms(own.after for own in found))
+    unmeasured = any(own.unmeasured for own in found)
+    return Strain(segments, rms(own.before for own in found), rms(own.after for own in found), unmeasured)
 
 
-def strain(report: vrtm.TileReport) -> dict:
+def strain(tile: TileWork) -> dict:
     """The strain of all rigid segments, and apart from that of those that may move."""
+    report = tile.tile.report()
     fixed = report.segments_fixed * report.strain_fixed**2
     segments = report.segments + report.segments_fixed
 
@@ -48,6 +54,7 @@ def strain(report: vrtm.TileReport) -> dict:
 
     return {
         "segments": segments,
+        "unmeasured": not segments and tile.tile.info.movable_nodes > 0 and gain.is_painted(tile),
         "before": rms(report.before.rms),
         "after": rms(report.after.rms),
         "movable": {
@@ -89,7 +96,10 @@ def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, s
         "movable": 1 - facts.fixed if facts.rigid_nodes else 0.0,
     }
     if settings.measure:
-        kept["strain"], kept["features"] = strain(report), features(tile.tile)
+        if not facts.rigid_nodes:
+            # Paint that is grey all over: its segments tell.
+            kept["fixed"] = report.segments_fixed / max(report.segments + report.segments_fixed, 1)
+        kept["strain"], kept["features"] = strain(tile), features(tile.tile)
     if found is not None:
         kept["map"] = dataclasses.asdict(found) | {"size": list(size)}
     return kept

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import os
 import time
+from collections import Counter
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 
-from vrtm.bake import basis_maps, carry, layer_file, left_out, pool, report, sheet, staging
+from vrtm.bake import basis_maps, carry, layer_file, left_out, pool, read_back, report, sheet, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
@@ -43,7 +45,8 @@ def bake(settings: Settings, console: Console, stop: Stop) -> int:
         failure = describe(error)
     console.close()
     if failure is not None:
-        console.error(failure.message)
+        # A task of a farm may find nothing left to do.
+        (console.error if failure.code else console.info)(failure.message)
         return failure.code
     return DONE
 
@@ -56,14 +59,17 @@ class _Made:
     basis: basis_maps.Made = field(default_factory=basis_maps.Made)
     carried: list[dict] = field(default_factory=list)
     """Rows of the report about geometry on the skin."""
-    carried_is_new: bool = False
+    carried_files: Counter = field(default_factory=Counter)
+    """The numbers of files with it that were `written` and `skipped`."""
+    differences: list[read_back.Differences] = field(default_factory=list)
+    """Readers of what was written."""
     failure: Failure | None = None
     """The first failure that ends a bake at once, or that its results are."""
 
     def count(self, state: str) -> int:
         """Files that were `written` or `skipped`."""
-        of_carried = bool(self.carried) and self.carried_is_new == (state == "written")
-        return sum(result.count(state) for result in self.results) + getattr(self.basis, state) + of_carried
+        of_frames = sum(result.count(state) for result in self.results)
+        return of_frames + getattr(self.basis, state) + self.carried_files[state]
 
 
 @dataclass
@@ -76,6 +82,8 @@ class _Bake:
     stop: Stop
     opening: float
     """Seconds that the scene took to open."""
+    idle: Failure | None
+    """The failure of a layer that would redirect nothing, if the bake is a dry run."""
 
 
 def _baked(settings: Settings, say: Remarks, stop: Stop) -> Failure | None:
@@ -88,7 +96,7 @@ def _baked(settings: Settings, say: Remarks, stop: Stop) -> Failure | None:
             work = baking.work
             if settings.dry_run:
                 say.info(*planned(work), *left_out.listed(work.left_out))
-                return report.strict(settings, work.left_out)
+                return report.strict(settings, work.left_out) or baking.idle
         made = _made(baking)
         missing = _missing(baking, made)
         made.failure = made.failure or report.strict(settings, missing)
@@ -124,12 +132,19 @@ def _opened(settings: Settings, say: Remarks, stop: Stop, opened: contextlib.Exi
     if settings.basis:
         basis_maps.check(work)
     carried = carry.Carry(work) if settings.carry_prims else None
-    of_layer = layer_file.names(settings)[1:] if settings.layer else ()
+    if carried is not None:
+        # What is carried needs no maps.
+        work.left_out = [*(of for of in work.left_out if of.mesh not in carried.paths), *carried.left_out]
+    of_layer = layer_file.names(settings)[1:] if "--layer" in settings.beside else ()
     work.check_files(of_layer, carried.files if carried else ())
     say.opened(work, carried)
+    notes, idle = layer_file.foretell(work) if settings.layer else ((), None)
+    say.warn(*notes)
+    if idle is not None and not settings.dry_run:
+        raise idle
     if not settings.only_layer:
         work.check_units()
-    return _Bake(work, carried, say, stop, opening)
+    return _Bake(work, carried, say, stop, opening, idle)
 
 
 def _made(baking: _Bake) -> _Made:
@@ -156,16 +171,31 @@ def _made(baking: _Bake) -> _Made:
             made.failure = made.failure or made.basis.failure
         if baking.carried is not None:
             console.status("carrying what is on the skin")
-            made.carried, made.carried_is_new = baking.carried.write(baking.stop.check, baking.say.warn)
+            made.carried, made.carried_files = baking.carried.write(baking.stop.check, baking.say.warn)
+            made.differences.append(baking.carried.differences)
             baking.say.info(*(f"{settings.carry_file}: {carry.line(row)}" for row in made.carried))
-        if settings.layer:
+        if "--layer" in settings.beside:
             console.status(f"writing {settings.layer}")
-            notes, idle = layer_file.write(baking.work)
+            notes, lacking, differences = layer_file.write(baking.work)
             baking.say.warn(*notes)
-            made.failure = made.failure or idle
+            made.failure = made.failure or lacking
+            made.differences.append(differences)
+        if settings.check:
+            made.failure = made.failure or _read_back(baking, made)
     except Exception as error:
         made.failure = describe(error)
     return made
+
+
+def _read_back(baking: _Bake, made: _Made) -> Failure | None:
+    """Opens the results as those do who take them, and returns the failure of one that is not as meant."""
+    start, work = time.perf_counter(), baking.work
+    baking.say.console.status("reading back what was written")
+    maps = [] if work.settings.only_layer else [functools.partial(read_back.maps, work, made.results)]
+    meshes = [functools.partial(read_back.morphed, work, *of) for of in made.basis.meshes]
+    found = read_back.failure([*maps, *meshes, *made.differences])
+    baking.say.console.verbose(f"read back in {time.perf_counter() - start:.2f} s")
+    return found
 
 
 def _sweep(work: Work) -> None:

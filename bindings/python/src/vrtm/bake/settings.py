@@ -38,6 +38,8 @@ class Settings:
     name: str | None = None
     frames: tuple[Frame, ...] | None = None
     tiles: tuple[int, ...] | None = None
+    task: tuple[int, int] | None = None
+    """The number of a farm's task, from 1, and their count."""
     size: int | None = None
     map_size: int | str | None = None
     """`auto`: see `AUTO`."""
@@ -74,6 +76,7 @@ class Settings:
     report: str | None = None
     overwrite: bool = False
     strict: bool = False
+    check: bool = True
     allow_units: bool = False
     dry_run: bool = False
     log: str | None = None
@@ -86,6 +89,7 @@ class Settings:
     basis: bool = False
     basis_format: str = "half"
     gltf: bool = False
+    blend_shapes: bool = False
     controls: str | None = None
     held_out: tuple[Frame, ...] | None = None
     texture_size: int = 4096
@@ -108,6 +112,12 @@ class Settings:
         return (1.0 if self.max_error is None else self.max_error) / self.texture_size
 
     @property
+    def limits(self) -> dict[str, float]:
+        """What a bake may not exceed, by the options that say so."""
+        given = {"--max-strain": self.max_strain, "--max-error": self.max_error, "--max-worse": self.max_worse}
+        return {option: limit for option, limit in given.items() if limit is not None}
+
+    @property
     def layers(self) -> int:
         """The most layers that a tile may have; 0 if there are none."""
         return self.max_layers if self.overlap == EACH else 0
@@ -115,7 +125,7 @@ class Settings:
     @property
     def beside(self) -> dict[str, str]:
         """The files besides those below `out`, by their options."""
-        files = {"--layer": self.layer or None, "--root": self.root, "--report": self.report}
+        files = {"--layer": None if self.task else self.layer or None, "--root": self.root, "--report": self.report}
         return {option: path for option, path in files.items() if path is not None}
 
     @property
@@ -123,6 +133,11 @@ class Settings:
         """The layer or archive with what is carried."""
         kind = "abc" if is_alembic(self.carry or self.scene) else "usdc"
         return os.path.join(self.out, f"carried.{kind}") if self.carry_prims else None
+
+    @property
+    def is_unpainted(self) -> bool:
+        """True if nothing says yet what is rigid, and so nothing can be baked."""
+        return self.rigidity is None and self.options.rigidity_primvar is None
 
     @property
     def corner_uvs(self) -> bool:

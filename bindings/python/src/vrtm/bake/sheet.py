@@ -1,8 +1,6 @@
 """A picture of a mesh to judge a bake by: at rest, in a pose with its own UVs and with redirected ones, and the strain
 of what is rigid."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os
@@ -70,7 +68,7 @@ def write(mesh: MeshWork, frame: Frame, positions: np.ndarray, file: str, stop: 
     return True
 
 
-def _drawn(surface: _Surface, title: str, stop: Callable[[], None]) -> np.ndarray:
+def _drawn(surface: "_Surface", title: str, stop: Callable[[], None]) -> np.ndarray:
     camera = surface.camera()
     height = int(_WIDTH * np.clip(camera.aspect, 0.6, 1.15))
     sheet = np.empty((_BAR + 2 * (_LABEL + height) + _GAP, 3 * _WIDTH + 4 * _GAP, 3), np.float32)
@@ -190,13 +188,13 @@ class _Surface:
 
     def figures(self) -> str:
         """The strain as the solve has measured it."""
-        found = rows.mean(rows.Strain.of(rows.strain(tile.tile.report())) for tile in self.tiles)
+        found = rows.mean(rows.Strain.of(rows.strain(tile)) for tile in self.tiles)
         figures = f"strain {found.before:.3f} with the original UVs, {found.after:.3f} with vrtm (RMS)"
-        return figures if found.segments else "nothing is rigid"
+        return figures if found.segments else rows.UNMEASURED if found.unmeasured else "nothing is rigid"
 
     def strains(self) -> list[sheet_figures.Tile]:
         """Each tile with its name and its strain."""
-        return [(rows.tile_name(rows.place(tile)), rows.strain(tile.tile.report())) for tile in self.tiles]
+        return [(rows.tile_name(rows.place(tile)), rows.strain(tile)) for tile in self.tiles]
 
     def textures(self, scale: float) -> Callable[[int], Sequence[np.ndarray]] | None:
         """The only tile's texture as painted and as looked up, in squares; several tiles' would be too small."""
@@ -276,7 +274,8 @@ class _Surface:
         if looked.texture is not None:
             return _at(looked.texture, uv)
         # The side of the tile in the picture, about, and squares of one size on all meshes.
-        side = scale * np.median(_area(self.metrics[0][self.owner == number])) ** 0.5
+        uu, uv_, vv = self.metrics[0][self.owner == number].T
+        side = scale * np.median(np.sqrt((uu * vv - uv_ * uv_).clip(0))) ** 0.5
         squares = np.floor(uv * 2 ** max(round(np.log2(max(side / _SQUARE, 1))), 2)).sum(1)[:, None] % 2
         return mix(mix(*_SKIN, squares), mix(*_STUD, squares), _step(0.25, 0.4, _at(looked.rigidity, uv)))
 
@@ -313,11 +312,6 @@ def _strain(rest: np.ndarray, pose: np.ndarray, rigid: np.ndarray) -> np.ndarray
     root = np.sqrt((half * half - (p[0] * p[2] - p[1] * p[1]) / det).clip(0))
     found = np.stack([np.sqrt((half + root).clip(0)) - 1, 1 - np.sqrt((half - root).clip(0))], -1).clip(0)
     return np.where(share[..., None] > 1e-3, found, 0)
-
-
-def _area(metrics: np.ndarray) -> np.ndarray:
-    """Surface area per area of UV."""
-    return np.sqrt((metrics[:, 0] * metrics[:, 2] - metrics[:, 1] ** 2).clip(0))
 
 
 def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:

@@ -1,8 +1,6 @@
 """The sheet's lower left quarter: bars of strain, a tile's texture as painted and as looked up, and the legend of the
 strain's colours. Bars and textures share the room above the legend."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

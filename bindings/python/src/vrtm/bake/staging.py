@@ -6,8 +6,6 @@ opened by that name: what is written goes through the descriptor that the file w
 the folder that was opened, whatever its path leads to by then.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -1,7 +1,5 @@
 """Being asked to end: signals in the main process, and the flag that all work looks at."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """Tokens of a frame or a tile in the names of files, as the programs write them that make such files."""
 
-from __future__ import annotations
-
 import re
 
 FRAME = re.compile(r"#+|@+|%0?(\d*)d|\$F(\d*)|\$\{F(\d*)\}|(?i:<f(?:rame)?(\d*)>)")

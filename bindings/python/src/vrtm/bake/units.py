@@ -5,8 +5,6 @@ the rest is in another unit, or the whole mesh has another size on purpose: in b
 grown along, and the rest is scaled. A factor that changes from frame to frame is an animation.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
@@ -50,7 +48,7 @@ class Lengths:
         """The factor of the whole mesh."""
         return self.factor if self.share >= _RIGID else self.median
 
-    def over(self, factor: float) -> Lengths:
+    def over(self, factor: float) -> "Lengths":
         """The same against a rest that is scaled."""
         return Lengths(self.median / factor, self.factor / factor, self.share)
 
@@ -161,10 +159,9 @@ class Units:
         least, most = (pick(entry.size for entry in found) for pick in (min, max))
         where = f"at rest (the rest is from {self._shape.rest_from})"
         if factor is not None:
-            scale = float(f"{self._scale * factor:.6g}")
-            self._scale = scale
+            self._scale = float(f"{self._scale * factor:.6g}")
             return Finding(
-                scale,
+                self._scale,
                 "by the lengths of its edges",
                 f"all of its edges are {factor:.6g} times as long as {where} in all frames: this is another unit, "
                 "or another size, and no deformation, so that the rest is scaled by it; --allow-units leaves it",

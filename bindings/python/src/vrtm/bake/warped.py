@@ -6,8 +6,6 @@ What J adds to that is the ellipse of the covariance J Jt - 1, less what is nega
 that, and averaged. The more the texture is squeezed, the more samples.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import re
@@ -18,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import OpenImageIO as oiio
 
-from vrtm.bake import tokens
+from vrtm.bake import mip_levels, tokens
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
@@ -55,7 +53,7 @@ class Copy:
     down: bool
     """True if green grows against v."""
 
-    def read(self, path: str) -> Texture:
+    def read(self, path: str) -> "Texture":
         """Reads a texture. Raises SceneError, Failure."""
         texture = read(path)
         if self.is_normal and len(texture.channels) < 3:
@@ -77,10 +75,13 @@ class Texture:
     format: str
     inputs: str
     """A hash of all these but the path."""
+    has_levels: bool = False
+    """True if it is tiled, with mip levels, as its copy will be."""
 
     def target(self, path: str, facts: Mapping[str, str | int]) -> Target:
         (height, width, _), dtype = self.pixels.shape, str(self.pixels.dtype)
-        return Target(path, width, height, self.channels, dtype, facts, self.attributes, self.format, self.alpha)
+        how = (self.attributes, self.format, self.alpha, self.has_levels)
+        return Target(path, width, height, self.channels, dtype, facts, *how)
 
 
 def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) -> tuple[Copy, ...]:
@@ -106,13 +107,16 @@ def read(path: str) -> Texture:
         raise Failure(INPUT, f"{path}: its data window is not the whole image")
     channels = tuple(spec.channelnames)
     kept = {a.name: (str(a.type), a.value) for a in spec.extra_attribs if _can_be_kept(a)}
-    form = _format(source, str(pixels.dtype), len(channels))
+    has_levels = mip_levels.are_in(path, spec)
+    form = _format(source, str(pixels.dtype), len(channels), has_levels)
     hashed = Fingerprint().text(VERSION, oiio.VERSION_STRING, form, channels, spec.alpha_channel).array(pixels)
+    if has_levels:
+        hashed.text("levels")
     for name in sorted(kept):
         hashed.text(name, kept[name])
     if spec.alpha_channel >= 0 and form != "openexr":
         kept["oiio:UnassociatedAlpha"] = ("int", 1)
-    return Texture(path, pixels, channels, spec.alpha_channel, kept, form, hashed.hex())
+    return Texture(path, pixels, channels, spec.alpha_channel, kept, form, hashed.hex(), has_levels)
 
 
 def _can_be_kept(attribute: oiio.ParamValue) -> bool:
@@ -131,12 +135,16 @@ def extension(path: str) -> str:
     """Of the names of a texture's copies. Only the texture's header is read. Raises SceneError."""
     with opened(path) as file:
         spec = file.spec()
-        return _FORMATS[_format(file.format_name(), KEPT.get(str(spec.format), "float32"), spec.nchannels)]
+        own, has_levels = os.path.splitext(path)[1], mip_levels.are_in(path, spec)
+        form = _format(file.format_name(), KEPT.get(str(spec.format), "float32"), spec.nchannels, has_levels)
+        return own if own.lower() in mip_levels.ENDINGS else _FORMATS[form]
 
 
-def _format(source: str, dtype: str, channels: int) -> str:
+def _format(source: str, dtype: str, channels: int, has_levels: bool) -> str:
     """The file format of a copy: the texture's own, unless that cannot be written or may lose something."""
     integer = dtype.startswith("uint")
+    if has_levels:
+        return "tiff" if integer else "openexr"
     if source in _FORMATS and integer == (source != "openexr"):
         return source
     return "openexr" if not integer else "png" if channels <= 4 else "tiff"

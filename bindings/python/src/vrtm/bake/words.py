@@ -1,7 +1,5 @@
 """Parts of sentences."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Collection, Iterable
 

@@ -15,12 +15,14 @@ import OpenImageIO as oiio
 
 import vrtm
 from vrtm.bake import borders, frames, gain, image_file, not_baked, overwrite, sheet, staging, units, warped
-from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line, unwritable
+from vrtm.bake.failure import DEVICE, DONE, INPUT, Failure, describe, one_line, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
+from vrtm.bake.neighbours import Neighbours
+from vrtm.bake.outputs import frame_name
 from vrtm.bake.part import Given, Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
@@ -59,15 +61,17 @@ class Work(contextlib.AbstractContextManager):
         self.frames, self.missing_frames = self._present_frames()
         self.units: dict[str, tuple[units.Units, units.Finding]] = {}
         """Of the meshes, by name, with what was found of all of their frames."""
-        in_units = [self._in_units(shape) for shape in self.scene.shapes]
-        self.shapes = [shape for shape in in_units if not self._stays(shape)]
+        self._every_shape = [self._in_units(shape) for shape in self.scene.shapes]
+        self.shapes = [shape for shape in self._every_shape if not self._stays(shape)]
         """The meshes to bake: those that deform, and those that are named."""
-        still = [shape.path for shape in in_units if shape not in self.shapes]
+        still = [shape.path for shape in self._every_shape if shape not in self.shapes]
         self._check_shapes(still)
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         known = {} if choices is None else choices.borders
-        self.meshes = {shape.name: self._mesh(shape, copies, known.get(shape.name)) for shape in self.shapes}
-        self.left_out = self._known_left_out(still)
+        self.meshes: dict[str, MeshWork] = {}
+        unusable = list(self._make(copies, known))
+        self.shapes = [shape for shape in self.shapes if shape.name in self.meshes]
+        self.left_out = [*self._known_left_out(still), *unusable]
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self.idle: dict[str, dict[gain.Group, str]] = {}
@@ -86,7 +90,7 @@ class Work(contextlib.AbstractContextManager):
             raise Failure(DEVICE, f"--device {settings.device}: {one_line(error)}") from error
 
     def _present_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
-        """The frames to bake, and those of --frames that the scene lacks."""
+        """The frames to bake, and those of --frames that the scene lacks. Raises Failure."""
         settings, scene = self.settings, self.scene
         try:
             found, missing = frames.clamp(settings.frames, scene.frames, scene.has_subframes)
@@ -97,7 +101,23 @@ class Work(contextlib.AbstractContextManager):
             raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
         if settings.freeze is not None and settings.freeze not in found:
             raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(found)}")
+        if settings.task is not None:
+            number, count = settings.task
+            found = found[len(found) * (number - 1) // count : len(found) * number // count]
+            if not found:
+                raise Failure(DONE, f"--task {number}/{count}: no frame is left for it")
         return found, missing
+
+    def lacking(self) -> str:
+        """The frames of the scene that are not of this bake, as the beginning of a sentence; empty if there are
+        none."""
+        there = self.scene.frames
+        lacks = len(there) - sum(isinstance(frame, int) and frame in there for frame in self.frames)
+        if not lacks:
+            return ""
+        # A list of very many is not readable.
+        listed = frames.text(set(there) - set(self.frames)) if len(there) <= frames.MOST else ""
+        return f"{f'frames {listed}' if listed else f'{lacks} frames'} of the scene are not in it"
 
     def _check_shapes(self, still: Sequence[str]) -> None:
         """Raises Failure if no mesh is left to bake, or none has the subsets that are asked for. `still`: the paths of
@@ -105,17 +125,18 @@ class Work(contextlib.AbstractContextManager):
         scene = self.settings.scene
         if not self.shapes:
             named = f"{still[0]}{others(len(still) - 1)}"
-            moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
+            told = [warning for warning in self.scene.warnings if warning.startswith(tuple(f"{p}: " for p in still))]
             message = f"{scene}: nothing deforms: {named} can be baked if --meshes names it"
-            raise Failure(INPUT, f"{message}; {moved}" if moved else message)
+            raise Failure(INPUT, "; ".join([message, *told]))
         if self.settings.subsets and not any(shape.subsets for shape in self.shapes):
             raise Failure(INPUT, f"--subsets: no mesh of {scene} has subsets that materials can be bound to")
 
     def _known_left_out(self, still: Sequence[str]) -> list[LeftOut]:
         return [
-            *(entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)),
+            # Of the ends of its range that are no frames, those that --frames leaves to the scene.
+            *(entry for entry in self.scene.left_out if not entry.frames or self.settings.frames is None),
             *(LeftOut("nothing deforms there; --meshes can name it", path, meant=True) for path in still),
-            *not_baked.of_frames(self.settings, self.scene.frames, self.frames, self.missing_frames),
+            *not_baked.of_frames(self.settings, self.scene.frames, self.missing_frames),
             *not_baked.of_meshes(self.settings, self.meshes.values()),
         ]
 
@@ -164,19 +185,32 @@ class Work(contextlib.AbstractContextManager):
         heard, self._heard = self._heard, []
         return heard
 
+    def _make(self, copies: tuple[warped.Copy, ...], known: dict[str, Borders]) -> Iterator[LeftOut]:
+        """Makes `meshes`, without those that the library cannot take. Raises Failure for one that is named, and for the
+        last one if there is no other."""
+        for shape in self.shapes:
+            try:
+                self.meshes[shape.name] = self._mesh(shape, copies, known.get(shape.name))
+            except Failure as failure:
+                is_last = shape is self.shapes[-1] and not self.meshes
+                if failure.code != INPUT or is_last or self.settings.options.names(shape.path):
+                    raise
+                why = failure.message.removeprefix(f"{self.settings.scene} {shape.path}: ")
+                yield LeftOut(f"cannot be baked: {why}", shape.path)
+
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...], known: Borders | None) -> MeshWork:
         self._subject, self._frame, self._shape = shape.path, "", shape
         try:
             given = Given(self.settings, shape, self.device, copies)
             if known is not None:
                 return MeshWork(given, known)
-            return borders.mesh(given, self.scene, lambda: self._shared_places)
+            return borders.mesh(given, self.scene, lambda: self._neighbours)
         except (vrtm.Error, ValueError) as error:
             raise describe(error, f"{self.settings.scene} {shape.path}") from error
 
     @functools.cached_property
-    def _shared_places(self) -> np.ndarray:
-        return borders.shared_places(self.scene.shapes, self.settings.weld)
+    def _neighbours(self) -> Neighbours:
+        return Neighbours(self.scene, self._every_shape)
 
     def _pattern(self, copies: tuple[warped.Copy, ...]) -> Pattern:
         several = len(self.shapes) > 1
@@ -317,14 +351,13 @@ class Work(contextlib.AbstractContextManager):
         return inputs + [(path, option) for option, path in further.items() if path is not None]
 
     def _names(self) -> Iterator[str]:
-        yield from filter(None, [self.settings.carry_file])
+        yield from self.carried_files()
         for mesh in self.meshes.values():
             for frame in self.frames:
                 yield from mesh.names(frame, self.pattern)
             if self.settings.basis and mesh.gains:
                 yield self.basis_file(mesh.shape.name)
-                if self.settings.gltf:
-                    yield self.basis_file(mesh.shape.name, ".glb")
+                yield from self.geometry_files(mesh.shape.name).values()
                 # There may be as many basis maps as frames.
                 numbers = range(len(self.frames))
                 of = ending(self.settings.basis_format)
@@ -332,9 +365,24 @@ class Work(contextlib.AbstractContextManager):
                     mesh.path(self.pattern, "basis", k, tile, ending=of) for tile in mesh.tiles for k in numbers
                 )
 
+    def carried_files(self) -> list[str]:
+        """The file with what is carried; in a task of a farm, those of its frames."""
+        whole = self.settings.carry_file
+        if whole is None or self.settings.task is None:
+            return [] if whole is None else [whole]
+        return [self.carried_file(mesh, frame) for mesh in self.meshes for frame in self.frames]
+
+    def carried_file(self, mesh: str, frame: Frame) -> str:
+        return os.path.join(self.settings.out, frame_name(self.pattern, mesh, frame, "carried", ".tif"))
+
     def basis_file(self, mesh: str, ending: str = ".json") -> str:
         """The path of a mesh's weights of basis maps, or of its morph targets."""
         return os.path.join(self.settings.out, (f"{mesh}." if len(self.shapes) > 1 else "") + f"basis{ending}")
+
+    def geometry_files(self, mesh: str) -> dict[str, str]:
+        """The files of a mesh with its morph targets, by their kind."""
+        asked = {"gltf": (self.settings.gltf, ".glb"), "blend_shapes": (self.settings.blend_shapes, ".usdc")}
+        return {kind: self.basis_file(mesh, ending) for kind, (wanted, ending) in asked.items() if wanted}
 
     def sheets(self) -> dict[str, str]:
         """The file of each mesh's sheet, if sheets are to be drawn."""

@@ -6,9 +6,7 @@ with their combination bilinear. Otherwise a term is the distance to a pose in t
 function; in one control it is linear between the poses), and a linear function is added. Distances between different
 poses are a regular matrix (Micchelli 1986)."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,15 +78,11 @@ def drive(names: tuple[str, ...], controls: np.ndarray, weights: np.ndarray) -> 
         driver = Driver(PRODUCTS, names, used[poses].astype(np.float64), ranges, np.zeros((poses.sum(), 0)))
         matrix = driver.terms(controls[poses])
         # Each product is not 0 at its own pose, and those of more controls are 0 there: a triangular system.
-        return _with(driver, np.linalg.solve(matrix, weights[poses]))
+        return replace(driver, coefficients=np.linalg.solve(matrix, weights[poses]))
     driver = Driver(DISTANCES, names, controls / ranges, ranges, np.zeros((len(controls), 0)))
     matrix = driver.terms(controls)
     # The linear part is fitted first, as far as the poses tell it, and distances take what is left.
     linear = matrix[:, len(controls) :]
     slopes = np.linalg.lstsq(linear, weights, rcond=_KNOWN)[0]
     near = np.linalg.solve(matrix[:, : len(controls)], weights - linear @ slopes)
-    return _with(driver, np.vstack([near, slopes]))
-
-
-def _with(driver: Driver, coefficients: np.ndarray) -> Driver:
-    return Driver(driver.form, driver.names, driver.centres, driver.ranges, coefficients)
+    return replace(driver, coefficients=np.vstack([near, slopes]))

@@ -10,8 +10,6 @@ texel's centre: a bound over the texels holds between them, too. The sum has no 
 the rest pose, all 0, leave each texel in its place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -125,7 +123,10 @@ def _of_size(columns: np.ndarray, count: int, bound: float, form: str) -> Basis:
     tried is the nearest in the mean square."""
     importance, best = np.ones(columns.shape[1]), None
     for _ in range(_ROUNDS if count < len(columns) else 1):
-        maps, ranges = stored(_scaled(columns, _leading(columns, importance, count)), form)
+        vectors = _leading(columns, importance, count)
+        # Such that the largest weight of each map is 1.
+        scaled = (vectors * np.abs(vectors).max(axis=0)).T.astype(np.float32)
+        maps, ranges = stored(np.tensordot(scaled, columns, 1), form)
         weights = fitted_weights(maps, columns)
         of_frames, of_texels = errors(maps, weights, columns)
         if best is None or of_frames.max() < best.errors.max():
@@ -145,12 +146,6 @@ def _leading(columns: np.ndarray, importance: np.ndarray, count: int) -> np.ndar
         some = columns[:, part].astype(np.float64)
         products += np.einsum("ftc,gtc,t->fg", some, some, importance[part], optimize=True)
     return np.linalg.eigh(products)[1][:, ::-1][:, :count]
-
-
-def _scaled(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """(count, texels, 2) f32: the maps of orthonormal vectors, such that the largest weight of each is 1."""
-    scale = np.abs(vectors).max(axis=0)
-    return np.tensordot((vectors * scale).T.astype(np.float32), columns, 1)
 
 
 def _parts(texels: int) -> list[slice]:

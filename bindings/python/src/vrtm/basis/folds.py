@@ -3,8 +3,6 @@
 The rule is that of the library's certificate of maps (method §9): over such a quad the Jacobian is smallest at one of
 the four centres."""
 
-from __future__ import annotations
-
 import numpy as np
 
 _ROUNDING = 1e-11
@@ -21,10 +19,7 @@ def folds(delta: np.ndarray) -> tuple[int, float]:
     if not across.size or not up.size:
         return 0, 1.0
     low, high, left, right = across[1:], across[:-1], up[:, :-1], up[:, 1:]
-    least = np.minimum.reduce([_cross(edge, side) for edge in (low, high) for side in (left, right)])
+    edges = [(a, b) for a in (low, high) for b in (left, right)]
+    least = np.minimum.reduce([a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0] for a, b in edges])
     least[np.abs(least) < _ROUNDING] = 0
     return int((least <= 0).sum()), min(1.0, float(least.min()))
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -1,8 +1,6 @@
 """Binary glTF 2.0: a mesh with morph targets of positions and of UVs, which the same weights drive, and an animation of
 these weights."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence
@@ -110,14 +108,6 @@ def glb(
     }
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
-    whole = 12 + 8 + len(text) + 8 + len(buffer.data)
-    header = struct.pack("<4sII", b"glTF", 2, whole)
-    return b"".join(
-        [
-            header,
-            struct.pack("<I4s", len(text), b"JSON"),
-            text,
-            struct.pack("<I4s", len(buffer.data), b"BIN\0"),
-            buffer.data,
-        ]
-    )
+    chunks = ((b"JSON", text), (b"BIN\0", buffer.data))
+    body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body

@@ -1,7 +1,5 @@
 """Morph targets of positions and UVs that the same weights drive."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The numbers that basis maps are stored in: 16-bit floats, or 16 or 8 bits of a range per map and channel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

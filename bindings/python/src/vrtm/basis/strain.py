@@ -4,8 +4,6 @@ Neighbouring texel centres a and b of the map lie on the surface where the mesh'
 R(a) and R(b). What is painted from R(a) to R(b) had the chord between these points at rest, and has that from a to b
 in the pose. Its strain is the pose's chord over the rest's, minus 1. Both are located in the triangles exactly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +31,7 @@ class Strain:
     """Segments that the map leads out of their chart, which are left out."""
 
     @staticmethod
-    def of(values: np.ndarray, lost: int = 0) -> Strain:
+    def of(values: np.ndarray, lost: int = 0) -> "Strain":
         """Summary of the strains of segments, of one tile or several."""
         size = np.abs(values)
         if not len(size):
@@ -53,16 +51,16 @@ class Ruler:
         self.size = np.array([self.width, self.height], float)
         self.vertices = vertices
         # In texels, from the upper left corner.
-        self.corners = self._pixels(uvs.astype(np.float64))
+        u, v = np.moveaxis(uvs.astype(np.float64), -1, 0)
+        self.corners = np.stack([u * self.width, (1 - v) * self.height], -1)
         (ax, ay), (bx, by) = np.moveaxis(np.diff(self.corners, axis=1), (1, 2), (0, 1))
         self.across = np.sqrt(np.abs(ax * by - ay * bx))
         depth = np.zeros((*self.corners.shape[:2], 1))
         self.under, self.weights = cover(np.concatenate([self.corners, depth], -1), (self.width, self.height))
         self.rigid = rigidity > RIGID * rigidity.max()
-        self.charts = _charts(triangles)
-
-    def _pixels(self, uvs: np.ndarray) -> np.ndarray:
-        return np.stack([uvs[..., 0] * self.width, (1 - uvs[..., 1]) * self.height], -1)
+        # Of each triangle, a number for those that hang together with it in UV.
+        ends = (triangles[:, sides].ravel() for sides in ([0, 1], [1, 2]))
+        self.charts = connected(triangles.max(initial=0) + 1, *ends)[triangles[:, 0]]
 
     def strains(self, delta: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, int]:
         """The strain of each segment of the map `UV + delta`, (height, width, 2), in a pose, and how many are lost.
@@ -115,9 +113,3 @@ class Ruler:
 
 def _on(positions: np.ndarray, vertices: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.einsum("tkc,tk->tc", positions.astype(np.float64)[vertices], weights)
-
-
-def _charts(triangles: np.ndarray) -> np.ndarray:
-    """(triangles,): a number per set of triangles that hang together in UV."""
-    ends = (triangles[:, sides].ravel() for sides in ([0, 1], [1, 2]))
-    return connected(triangles.max(initial=0) + 1, *ends)[triangles[:, 0]]

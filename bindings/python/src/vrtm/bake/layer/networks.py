@@ -5,8 +5,6 @@ warped copies, or the UVs by the primvar. MaterialX looks a map up in an image n
 coordinate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -52,7 +50,9 @@ class Redirector:
         # Before prims are added.
         shaders = [UsdShade.Shader(prim) for prim in Usd.PrimRange(self._material.GetPrim())]
         named = [(shader, shader.GetIdAttr().Get() or "") for shader in shaders if shader]
-        self._choose_copies([shader for shader, name in named if name == "UsdUVTexture"])
+        if self._plan.corner_path is None and self._plan.warped_path is not None:
+            found = ((shader, self._copy(shader)) for shader, name in named if name == "UsdUVTexture")
+            self._copies = {str(shader.GetPath()): copy for shader, copy in found if copy is not None}
         for shader, name in named:
             prim = shader.GetPrim()
             if name == "UsdUVTexture":
@@ -112,14 +112,6 @@ class Redirector:
         by = " and ".join(repr(name) for name in sorted(names)) or "nothing"
         self._warn(texture, f"is looked up by {by}, not by the UVs '{self._uv_name}': it stays as it is")
         return False
-
-    def _choose_copies(self, textures: list[UsdShade.Shader]) -> None:
-        if self._plan.corner_path is not None or self._plan.warped_path is None:
-            return
-        for texture in textures:
-            copy = self._copy(texture)
-            if copy is not None:
-                self._copies[str(texture.GetPath())] = copy
 
     def _copy(self, texture: UsdShade.Shader) -> tuple[Usd.Attribute, list[tuple[str, float | None]]] | None:
         """The attribute that names a texture's file, and the copies that it can take; None if there are none."""
@@ -193,8 +185,7 @@ class Redirector:
         if self._plan.map_path is None and self._plan.corner_path is None:
             self._warn(image, "has no redirection maps: it stays as it is")
             return False
-        coordinates = [image.GetInput(name) for name in MTLX_COORDINATES if image.GetInput(name)]
-        plug = coordinates[0] if coordinates else None
+        plug = next(filter(None, map(image.GetInput, MTLX_COORDINATES)), None)
         unplugged = plug is None or (not plug.HasConnectedSource() and plug.Get() is None)
         if unplugged and self._is_default:
             # MaterialX takes the mesh's default UVs then.

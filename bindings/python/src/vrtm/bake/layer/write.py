@@ -14,7 +14,7 @@ from vrtm.bake.layer.networks import MTLX_IMAGES, Redirector
 from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene, SceneOptions, Shape
-from vrtm.bake.scene.usd_stage import assets, marked
+from vrtm.bake.scene.usd_stage import assets, instances_above, marked
 from vrtm.bake.words import others
 
 # Metadata of a whole stage in its root layer. Layers with other time codes per second would be scaled in time.
@@ -35,8 +35,6 @@ class Written:
     """The result of writing a layer."""
 
     warnings: list[str]
-    changes: bool
-    """True if a texture lookup is redirected, or the primvar is there."""
     files: frozenset[str]
     """The files that it names over time, as it names them."""
 
@@ -50,7 +48,7 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
     """
     out_path = os.fspath(out_path)
     manifest = manifest_path(out_path)
-    layer, warnings, changes = redirected(out_path, scene, plan)
+    layer, warnings, _ = redirected(out_path, scene, plan)
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
         for shape in map(scene.shape, plan.shapes):
@@ -59,17 +57,22 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
         write_manifest(manifest)
     mark(layer, "layer", [path for name in plan.shapes for path in scene.shape(name).instances])
     export(layer, out_path, Sdf.Layer.ExportToString)
-    return Written(warnings, changes, frozenset(_named(layer)))
+    return Written(warnings, frozenset(_named(layer)))
 
 
 def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer, list[str], bool]:
     """A layer with redirected materials, which is not written anywhere, less the clips of corner UVs; warnings, and
-    whether it changes the shot. `out_path`: where it would be written."""
+    whether a texture lookup is redirected, or the primvar is there. `out_path`: where it would be written."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
     author = _Author(compose(layer, scene.path, scene.options, muted=out_path), plan)
+    prims = Usd.PrimRange.Stage(author.stage, Usd.PrimAllPrimsPredicate)
+    overs = [prim.GetPath() for prim in prims if prim.GetSpecifier() == Sdf.SpecifierOver]
     with Usd.EditContext(author.stage, layer):
         shapes = [(path, shape) for shape in map(scene.shape, plan.shapes) for path in shape.instances]
         changed = [author.redirect(path, shape) for path, shape in shapes]
+    for spec in filter(None, map(layer.GetPrimAtPath, overs)):
+        # A new prim makes a `def` of each one above it, which would show prototypes themselves.
+        spec.specifier = Sdf.SpecifierOver
     for why, (first, *more) in author.without.items():
         author.warnings.append(f"{first[0]}{others(len(more))}: {why.format(first[1])}")
     return layer, author.warnings, plan.corner_path is not None or any(changed)
@@ -222,11 +225,9 @@ class _Author:
 
     def _split_instances(self, path: Sdf.Path, warnings: list[str]) -> None:
         """Makes plain prims of the instances above a prim: an instance's parts cannot be changed one by one."""
-        for prefix in path.GetPrefixes():
-            prim = self.stage.GetPrimAtPath(prefix)
-            if prim and prim.IsInstanceable():
-                self.stage.OverridePrim(prefix).SetInstanceable(False)
-                warnings.append(f"{prefix}: is no instance any more, since what is inside is redirected")
+        for instance in instances_above(self.stage, path):
+            self.stage.OverridePrim(instance).SetInstanceable(False)
+            warnings.append(f"{instance}: is no instance any more, since what is inside is redirected")
 
 
 def bindings_of(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:

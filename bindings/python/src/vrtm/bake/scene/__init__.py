@@ -96,6 +96,21 @@ class Scene(AbstractContextManager):
             )
         return positions
 
+    def seconds(self, frame: float) -> float:
+        """The time of a frame."""
+        return self.clock.time(frame) / self.source.codes
+
+    def places(self, shape: Shape) -> list[np.ndarray]:
+        """(4, 4) of each instance of a shape, by which rows of its rest are multiplied to lie in the world, by the
+        transforms at the frame of the rest."""
+        with self._reading():
+            return self.source.places(shape)
+
+    def bystanders(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The rest of each mesh that is shown and is no shape, as far as it can be read, and its (4, 4) as above."""
+        with self._reading():
+            return list(self.source.bystanders())
+
     def close(self) -> None:
         self.source.close()
 

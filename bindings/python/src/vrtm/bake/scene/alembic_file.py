@@ -1,7 +1,5 @@
 """Archives of Alembic, through the wheel alembic3d: polygon meshes and subdivision surfaces, with their samples."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os
@@ -30,6 +28,8 @@ SCOPES = {
     "kUniformScope": "uniform",
     "kConstantScope": "constant",
 }
+UV_KINDS, UV_TRIPLES = ("V2f", "V2d", "P2f", "P2d"), ("V3f", "V3d", "P3f", "P3d")
+"""Types of parameters that UV sets may have."""
 # Seconds within which a sample counts as the one of a frame.
 CLOSE = 1e-5
 HIDDEN = 0
@@ -73,14 +73,14 @@ class AlembicFile:
         """The text that the archive was written with; empty if there is none."""
         return self.top.getMetaData().get("_ai_Description")
 
-    def meshes(self) -> Iterator[AlembicMesh]:
+    def meshes(self) -> "Iterator[AlembicMesh]":
         """All meshes, in the order of the file."""
         self.unread: list[str] = []
         yield from self._below(self.top)
 
     def _below(
         self, parent: Any, above: tuple[Any, ...] = (), hidden: bool = False, origin: str = ""
-    ) -> Iterator[AlembicMesh]:
+    ) -> "Iterator[AlembicMesh]":
         for number in range(parent.getNumChildren()):
             child = parent.getChild(number)
             name = child.getName()
@@ -221,8 +221,9 @@ class AlembicMesh:
         own = self.schema.getUVsParam()
         if own.valid() and name in (None, own.getName()):
             return (*_param(own), own.getName())
-        found = name is not None and self.param(name, ("V2f", "V2d", "P2f"))
-        return (*found, name) if found else None
+        # Houdini has UVs of three numbers, the first two of which are u and v, among the parameters.
+        sets = ((other, self.param(other, UV_KINDS + UV_TRIPLES)) for other in ([name] if name else ["uv", "st"]))
+        return next(((*found, other) for other, found in sets if found), None)
 
 
 def _at(seconds: float) -> Any:

@@ -1,7 +1,5 @@
 """Rigidity and mask maps from image files, through OpenImageIO."""
 
-from __future__ import annotations
-
 import contextlib
 import glob
 import os
@@ -14,6 +12,7 @@ import numpy as np
 from vrtm.bake import tokens
 from vrtm.bake.scene.topology import luminance
 from vrtm.bake.scene.types import SceneError, not_loaded
+from vrtm.rigidity import light
 
 try:
     import OpenImageIO as oiio
@@ -39,9 +38,7 @@ def find_maps(
     named = pattern.replace("<mesh>", mesh).replace("<subset>", subset)
     if not tokens.has_tile(named):
         if len(udims) != 1:
-            raise SceneError(
-                f"{pattern}: the shape {mesh} has {len(udims)} tiles ({_listed(udims)}): write <UDIM> for the number"
-            )
+            raise SceneError(f"{pattern}: the shape {mesh} has {len(udims)} tiles ({_listed(udims)}): write <UDIM>")
         paths = {udims[0]: named}
     else:
         paths = {udim: tokens.tiled(named, udim) for udim in udims}
@@ -84,17 +81,20 @@ def read_map(path: str) -> np.ndarray:
     return _whole(spec, _one_channel(list(spec.channelnames), texels))
 
 
-def read_colours(path: str) -> np.ndarray:
+def read_colours(path: str, linear: bool = False) -> np.ndarray:
     """(height, width, 3) f32 of an image's first part, first row at the top: its R, G and B as they are stored, but for
-    integers, which are divided by their largest value; or three times the channel that read_map would take. Raises
-    SceneError."""
+    integers, which are divided by their largest value; or three times the channel that read_map would take. `linear`:
+    integers are sRGB, and become linear light. Raises SceneError."""
     spec, texels, _ = texels_of(path)
     short = _short(list(spec.channelnames))
     channels = [texels[..., short.index(c)] for c in "RGB" if c in short]
     if len(channels) < 3:
         channels = [_one_channel(list(spec.channelnames), texels)] * 3
-    scale = white(texels.dtype)
-    colours = np.stack([_whole(spec, channel) for channel in channels], -1).astype(np.float32) / np.float32(scale)
+    colours = np.stack([_whole(spec, channel) for channel in channels], -1)
+    if linear and colours.dtype.kind == "u":
+        colours = light(np.linspace(0, 1, np.iinfo(colours.dtype).max + 1)).astype(np.float32)[colours]
+    else:
+        colours = colours.astype(np.float32) / np.float32(white(texels.dtype))
     if not np.isfinite(colours).all():
         raise SceneError(f"{path}: holds texels that are no numbers")
     return colours

@@ -6,8 +6,6 @@ either merge vertices and UVs or turn a number that cannot be read into 0, and n
 a white one.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator
@@ -17,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.poses import find_poses
 from vrtm.bake.scene.timing import Clock
-from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
+from vrtm.bake.scene.topology import bare_faces, check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
 _LAST = np.iinfo(np.int32).max
@@ -36,27 +35,26 @@ class ObjSource:
         self.warnings: list[str] = []
         self.left_out: list[LeftOut] = []
         self.has_subframes = False
-        self.clock, self.rate = Clock(), ""
+        # Files with numbers have no times: 24 a second, as films.
+        self.clock, self.codes, self.rate, self.axes = Clock(), 24.0, "", Axes()
         self._mesh = read_obj(path)
         self._last: dict[str, np.ndarray] = {}
         if len(self._mesh.counts) == 0:
             raise SceneError(f"{path}: no faces")
-        for name in options.meshes:
-            self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --meshes says ({name})")
+        for name in (*options.meshes, *options.exclude):
+            self.warnings.append(f"{path}: an OBJ file is one mesh, whatever --meshes or --exclude says ({name})")
         if options.world:
             raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
         if options.fps is not None:
             raise SceneError(f"{path}: poses from OBJ files have numbers and no times, which --fps asks for")
-        if options.uv_names:
-            raise SceneError(
-                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv_names[0]}' cannot be chosen"
-            )
+        if options.uv:
+            raise SceneError(f"{path}: an OBJ file has one UV set, which has no name: there is no '{options.uv[0]}'")
         if (self._mesh.uv_indices < 0).all():
             raise SceneError(f"{path}: no faces with UVs (vt)")
+        bare = bare_faces(self._mesh.counts, self._mesh.uv_indices)
+        self.warnings += [f"{path}: {bare}"] if bare else []
         if options.subdivide:
-            raise SceneError(
-                f"{path}: an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"
-            )
+            raise SceneError(f"{path}: an OBJ file states no subdivision surface, which --subdivide refines")
         if not options.poses:
             self.warnings.append(f"{path}: without --poses, its own shape is the only pose")
         self._poses = find_poses(options.poses, self.warnings, self.left_out) if options.poses else {1: path}
@@ -64,9 +62,7 @@ class ObjSource:
         self.files = (path, *self._poses.values())
         self._path = path
         name = unique_names([Path(path).stem])[0]
-        rest, rest_from = self._mesh.positions, path
-        if options.rest is not None:
-            rest_from = options.rest
+        rest, rest_from = self._mesh.positions, options.rest or path
         if options.rest == "first":
             rest, rest_from = self._read(self.frames[0]), f"first frame {self.frames[0]}"
         elif options.rest is not None and options.rest.startswith("frame:"):
@@ -91,6 +87,12 @@ class ObjSource:
                 rest_from=rest_from,
             ),
         )
+
+    def places(self, _shape: Shape) -> list[np.ndarray]:
+        return [np.eye(4)]
+
+    def bystanders(self) -> tuple[()]:
+        return ()
 
     def _colours(self, name: str | None) -> np.ndarray | None:
         if name is None:
@@ -123,6 +125,10 @@ class ObjSource:
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) f64 of the pose's file; its faces, where it has some, must be those of the rest mesh."""
         return self._read(frame)
+
+    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
+        """(4, 4): nothing lies above the mesh."""
+        return np.eye(4)
 
     def close(self) -> None:
         """Nothing stays open."""

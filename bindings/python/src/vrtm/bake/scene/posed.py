@@ -3,14 +3,16 @@ count: they stretch nothing, and far away they cost digits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
-from vrtm.bake.scene.topology import matches, unique_names, without_uvs
+from vrtm.bake.scene.timing import Clock
+from vrtm.bake.scene.topology import bare_faces, matches, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.words import near
 
@@ -28,6 +30,8 @@ class PosedMesh:
     """True if the transforms above it change over time."""
     shape: Callable[[str, tuple[str, ...]], Shape]
     """Reads all that does not change with time, by a name and the paths that the mesh stands for. Raises SceneError."""
+    read_faces: Callable[[], object]
+    """Reads its faces, before its rest. Raises SceneError."""
     primvars: Callable[[], list[str]]
     """The names of its values per vertex."""
     _matrix: Callable[[float], np.ndarray]
@@ -37,9 +41,10 @@ class PosedMesh:
     _found_rest: Callable[[str | None], tuple[np.ndarray, str]]
     """The same of the rest that the options ask for, and where it is from."""
 
-    def __init__(self, where: str, path: str, frames: Sequence[int], options: SceneOptions) -> None:
-        self.where, self.path = where, path
-        self._frames, self._options = frames, options
+    def __init__(self, path: str, source: PosedSource) -> None:
+        self.where, self.path = f"{source.path} {path}", path
+        self._frames, self._clock = source.frames, source.clock
+        self._options, self._warnings = source.options, source.warnings
         self._refined: Refined | None = None
 
     def positions(self, frame: float) -> np.ndarray:
@@ -76,6 +81,13 @@ class PosedMesh:
             matrix[:3, :3] = np.eye(3)
         return matrix
 
+    def to_place(self, first: PosedMesh) -> np.ndarray:
+        """(4, 4) f64, by which rows of the rest of `first`, an instance of the same mesh, are multiplied to lie in the
+        world where this one is."""
+        matrix = self._matrix(first.rest_frame)
+        matrix[:3, :3] = np.linalg.pinv(first._placed(np.eye(3), first.rest_frame)) @ matrix[:3, :3]
+        return matrix
+
     def _linear(self, frame: float) -> np.ndarray:
         """(3, 3), the linear part."""
         return self._matrix(frame)[:3, :3]
@@ -99,6 +111,20 @@ class PosedMesh:
         wanted = self._options.rest
         return frame_number(wanted) if wanted is not None and wanted.startswith("frame:") else self._frames[0]
 
+    @contextmanager
+    def _naming(self, what: str) -> Iterator[None]:
+        """Names what has a wrong count in the block, which raises ValueError."""
+        try:
+            yield
+        except ValueError as error:
+            raise SceneError(f"{self.where}: {what} has {error}") from error
+
+    def _pairs(self, uvs: np.ndarray) -> np.ndarray:
+        """(uvs, 2), f32 or f64: the first two of their numbers."""
+        if uvs.shape[1] > 2 and np.ptp(uvs[:, 2]) > 0:
+            self._warnings.append(f"{self.path}: its UVs have three numbers, the third of which is left out")
+        return uvs[:, :2].astype(uvs.dtype if uvs.dtype == np.float64 else np.float32)
+
     def _shape(
         self,
         name: str,
@@ -113,16 +139,21 @@ class PosedMesh:
         """`faces`, `uvs`: of the cage. `values`: rigidity and mask of its vertices. `cage`: None if it is none."""
         counts, indices = faces
         points, uv_indices = uvs
+        points = self._pairs(points)
         if ((holes < 0) | (holes >= len(counts))).any():
             raise SceneError(f"{self.where}: a hole names a face that the mesh does not have")
         with_holes = without_uvs(counts, uv_indices)
         uv_indices = without_uvs(counts, uv_indices, holes)
         if (uv_indices < 0).all():
             raise SceneError(f"{self.where}: no face has UVs")
+        bare = bare_faces(counts, with_holes)
+        self._warnings += [f"{self.path}: {bare}"] if bare else []
         rest, rest_from = self._rest()
         rigidity, mask = values
-        corners = None
-        if self._options.subdivide and cage is not None:
+        corners, scheme = None, ""
+        if cage is not None and not self._options.subdivide:
+            scheme = cage().scheme
+        elif cage is not None:
             refined = self._refined = Refined(cage(), points, with_holes, self._options.subdivide, holes)
             counts, indices, points, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
             corners, rest = refined.cage_corners, refined.points(rest)
@@ -141,6 +172,7 @@ class PosedMesh:
             rest_from=rest_from,
             still=not self.deforms,
             cage_corners=corners,
+            scheme=scheme if scheme != "bilinear" else "",
             **further,
         )
 
@@ -152,78 +184,102 @@ class PosedSource(Generic[Mesh]):
     """The meshes of a scene of USD or Alembic. See `vrtm.bake.scene.Scene`."""
 
     has_subframes = True
+    frames: Sequence[int]
+    clock: Clock
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         self.warnings: list[str] = []
         self.left_out: list[LeftOut] = []
-        self._path, self._options = path, options
+        self.path, self.options = path, options
         self._paths: list[str] = []
         self._named: set[str] = set()
 
     def _takes(self, path: str) -> bool:
-        """True unless --meshes names other meshes."""
+        """True unless --meshes names other meshes, or --exclude names this one."""
         self._paths.append(path)
-        patterns = [pattern for pattern in self._options.meshes if matches(pattern, path)]
-        if self._options.meshes and not patterns:
-            self.left_out.append(LeftOut("not named by --meshes", path, meant=True))
-            return False
-        self._named.update(patterns)
-        return True
+        options, why = self.options, self._why_not(path)
+        self._named.update(p for p in (*options.meshes, *options.exclude) if matches(p, path))
+        if why:
+            self.left_out.append(LeftOut(why, path, meant=True))
+        return not why
+
+    def _why_not(self, path: str) -> str:
+        """The option that leaves a mesh out, in words; empty if none does."""
+        if any(matches(pattern, path) for pattern in self.options.exclude):
+            return "named by --exclude"
+        named = not self.options.meshes or any(matches(pattern, path) for pattern in self.options.meshes)
+        return "" if named else "not named by --meshes"
 
     def _leave_out(self, path: str, why: str, meant: bool) -> None:
         """Raises SceneError for a mesh that --meshes names by itself."""
         self.left_out.append(LeftOut(why, path, meant=meant))
-        if self._options.names(path):
-            raise SceneError(f"{self._path} {path}: {why}")
+        if self.options.names(path):
+            raise SceneError(f"{self.path} {path}: {why}")
 
     def _check_chosen(self, chosen: Collection[object]) -> None:
         """Raises SceneError for names of --meshes without a mesh, and if no mesh is chosen."""
-        for name in (name for name in self._options.meshes if name not in self._named):
+        for name in (name for name in (*self.options.meshes, *self.options.exclude) if name not in self._named):
             kind = self._kind(name)
-            if kind:
-                raise SceneError(f"{self._path}: '{name}' is a {kind}, not a mesh")
             hint = near(name, [*self._paths, *(path.rsplit("/", 1)[-1] for path in self._paths)])
-            raise SceneError(f"{self._path}: '{name}' is no mesh of the scene{hint}")
+            told = f"{self.path}: '{name}' is {f'a {kind}, not a mesh' if kind else f'no mesh of the scene{hint}'}"
+            if name in self.options.meshes:
+                raise SceneError(told)
+            self.warnings.append(f"--exclude: {told}")
         if not chosen:
             why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
-            raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
+            raise SceneError(f"{self.path}: no mesh to bake ({why or 'the scene has none'})")
+
+    def _unbaked(self) -> Iterable[Mesh]:
+        """The meshes that are shown, and not baked."""
+        raise NotImplementedError
 
     def _kind(self, path: str) -> str:
         """The kind of another object that is there; empty without one."""
         return ""
 
-    def _take(self, groups: Sequence[tuple[Mesh, tuple[str, ...]]]) -> None:
-        """Reads meshes that stand for some paths each. One that need not be baked may be one that cannot be read.
-        Raises SceneError."""
-        options, found = self._options, list[Shape]()
+    def _take(self, groups: Sequence[Sequence[Mesh]]) -> None:
+        """Reads meshes, the first of each group for all of it. One that is not named may be one that cannot be read,
+        unless it is the last one and there is no other. Raises SceneError."""
+        options, found = self.options, list[Shape]()
         self._meshes: dict[str, Mesh] = {}
-        for name, (mesh, paths) in zip(unique_names([paths[0] for _, paths in groups], self.warnings), groups):
+        self._instances: dict[str, Sequence[Mesh]] = {}
+        for name, group in zip(unique_names([group[0].path for group in groups], self.warnings), groups):
+            mesh, paths = group[0], tuple(instance.path for instance in group)
             try:
                 found.append(mesh.shape(name, paths))
             except SceneError as error:
-                if mesh.deforms or not options.skip_still or len(groups) == 1 or options.names(paths[0]):
+                is_last = mesh is groups[-1][0] and not found
+                if not options.lenient or is_last or options.names(paths[0]):
                     raise
                 why = str(error).removeprefix(f"{mesh.where}: ")
-                self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", paths[0]))
+                self.left_out.append(LeftOut(f"cannot be read: {why}", paths[0]))
             else:
-                self._meshes[name] = mesh
-        if not found:
-            raise SceneError(f"{self._path}: no mesh to bake: {self.left_out[-1].line()}")
+                self._meshes[name], self._instances[name] = mesh, group
         self.warnings += [f"{mesh.path}: {uneven}" for mesh in self._meshes.values() if (uneven := mesh.uneven_scale())]
         for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
             if name is not None and all(getattr(shape, f"vertex_{what}") is None for shape in found):
                 there = {primvar for mesh in self._meshes.values() for primvar in mesh.primvars()}
-                raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
+                raise SceneError(f"{self.path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
         self.shapes = tuple(found)
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         return self._meshes[shape.name].positions(frame)
 
     def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
-        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
-        world."""
         mesh = self._meshes[shape.name]
         return mesh.to_world(mesh.rest_frame if frame is None else frame)
+
+    def places(self, shape: Shape) -> list[np.ndarray]:
+        """See `vrtm.bake.scene.Scene`."""
+        return [mesh.to_place(self._meshes[shape.name]) for mesh in self._instances[shape.name]]
+
+    def bystanders(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """See `vrtm.bake.scene.Scene`."""
+        for mesh in self._unbaked():
+            # One that cannot be read has no place.
+            with suppress(SceneError):
+                mesh.read_faces()
+                yield mesh._rest()[0], mesh.to_place(mesh)
 
     def rest_frame(self, shape: Shape) -> float:
         """The frame whose transforms lie above the rest."""

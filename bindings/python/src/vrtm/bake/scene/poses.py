@@ -1,7 +1,5 @@
 """The files of a sequence of poses, by frame. docs/bake.md has the rules, which follow the library fileseq."""
 
-from __future__ import annotations
-
 import glob
 import os
 import re
@@ -162,9 +160,7 @@ def _of_list(paths: list[str], globs: list[str], warnings: list[str]) -> dict[in
     columns = [column for column in range(1, len(rows[0]), 2) if len({row[column] for row in rows}) > 1]
     if len(columns) > 1:
         numbers = " and ".join(rows[0][column] for column in columns)
-        raise SceneError(
-            f"{paths[0]}: which of {numbers} is the frame? Write a token in the place of the one that is, such as ####"
-        )
+        raise SceneError(f"{paths[0]}: which of {numbers} is the frame? Write a token in its place, such as ####")
     if not columns and len(paths) == 1 and number.search(os.path.basename(paths[0])):
         columns = [len(rows[0]) - 2]
     if not columns and len(paths) == 1:

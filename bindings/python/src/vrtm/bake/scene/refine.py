@@ -6,8 +6,6 @@ frames share the weights. Points lie where the refinement puts them, near the li
 interpolateBoundary `none` are refined as those of `edgeOnly`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,14 +149,11 @@ class _Mesh:
         softer = np.maximum(self.edge_sharpness - 1, 0)
         none = np.zeros(len(edge))
         corners = np.maximum(self.vertex_sharpness - 1, 0)
-        self.indices = (
-            np.stack([self.indices, edge_point, face_point, edge_point[last]], axis=1).ravel().astype(np.int32)
-        )
+        self.indices = np.stack([self.indices, edge_point, face_point, edge_point[last]], axis=1).ravel()
         self.edge_sharpness = np.stack([softer, none, none, softer[last]], axis=1).ravel()
         self.vertex_sharpness = np.concatenate([corners, np.zeros(len(ends) + len(self.counts))])
         self.points += len(ends) + len(self.counts)
         self.counts = np.full(len(edge), 4, np.int32)
-        self.indices = self.indices.astype(np.int64)
         return step
 
     def _vertex_rows(
@@ -223,10 +218,7 @@ def _sharpness(cage: Cage) -> tuple[np.ndarray, np.ndarray]:
     ends_of_creases = np.zeros(len(cage.crease_indices), bool)
     ends_of_creases[np.cumsum(lengths) - 1] = True
     first = np.flatnonzero(~ends_of_creases)
-    pairs = np.sort(
-        np.stack([cage.crease_indices[first], cage.crease_indices[np.minimum(first + 1, len(ends_of_creases) - 1)]]),
-        axis=0,
-    )
+    pairs = np.sort(np.stack([cage.crease_indices[first], cage.crease_indices[first + 1]]), axis=0)
     table = dict(zip(zip(*pairs.tolist()), sharpnesses.tolist()))
     indices = cage.indices.astype(np.int64)
     edges = np.zeros(len(indices))

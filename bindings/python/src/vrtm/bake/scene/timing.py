@@ -10,7 +10,7 @@ import numpy as np
 
 FILE = "file"
 """The rate of frames that the file itself says."""
-_CLOSE = 1e-3
+CLOSE = 1e-3
 """Frames within which a time is one: files keep times with few digits."""
 USUAL = (24.0, 25.0, 30.0)
 _FASTEST = 61.0
@@ -39,7 +39,7 @@ class Clock:
 
 def is_whole(number: float) -> bool:
     """True if a number of frames is a whole one, but for rounding."""
-    return abs(number - round(number)) < _CLOSE
+    return abs(number - round(number)) < CLOSE
 
 
 def cycle(times: Sequence[float]) -> tuple[float, int] | None:
@@ -48,7 +48,7 @@ def cycle(times: Sequence[float]) -> tuple[float, int] | None:
     known = np.asarray(times, np.float64)
     for samples in range(1, min(len(known) // 2, _MOST) + 1):
         steps = known[samples:] - known[:-samples]
-        if np.ptp(steps) <= _CLOSE * steps.mean():
+        if np.ptp(steps) <= CLOSE * steps.mean():
             return float(steps.mean()), samples
     return None
 

@@ -1,7 +1,5 @@
 """Faces, names, frames and values per vertex: what does not depend on the kind of file."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
@@ -14,6 +12,7 @@ import numpy as np
 
 from vrtm.bake.frames import MOST
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.timing import CLOSE
 from vrtm.bake.scene.types import SceneError
 
 TILES = (10, 900)
@@ -92,6 +91,12 @@ def without_uvs(counts: np.ndarray, uv_indices: np.ndarray, faces: Iterable[int]
     return np.where(bare[face_of_corner], -1, uv_indices).astype(np.int32)
 
 
+def bare_faces(counts: np.ndarray, uv_indices: np.ndarray) -> str:
+    """The end of a warning about faces without UVs; empty if all have some."""
+    bare = np.count_nonzero(uv_indices[corner_starts(counts)[counts > 0]] < 0)
+    return f"{bare} of its {len(counts)} faces are without UVs: nothing is baked there" if bare else ""
+
+
 def per_vertex(
     values: np.ndarray, interpolation: str, counts: np.ndarray, indices: np.ndarray, points: int
 ) -> np.ndarray:
@@ -134,20 +139,9 @@ def corner_elements(
 def outside(uvs: np.ndarray, uv_indices: np.ndarray) -> str:
     """Bounds of the UVs of a mesh that lie in no UDIM tile, and of all tiles, in words."""
     uvs = uvs[np.unique(uv_indices[uv_indices >= 0])].astype(np.float64)
-    uvs = uvs[np.isfinite(uvs).all(axis=-1)]
-    beyond = uvs[((uvs < 0) | (uvs > TILES)).any(axis=-1)]
-    low, high = (found(beyond, axis=0) for found in (np.min, np.max)) if len(beyond) else (np.zeros(2), np.zeros(2))
-    lies = f"u from {low[0]:.4g} to {high[0]:.4g}, v from {low[1]:.4g} to {high[1]:.4g}, and " if len(beyond) else ""
-    reasons = [
-        text
-        for is_so, text in (
-            (high[0] > TILES[0], f"u of {TILES[0]} and more has no number"),
-            (low.min() < 0, "there are none below 0"),
-            (high[1] > TILES[1], f"none is read above a v of {TILES[1]}"),
-        )
-        if is_so
-    ]
-    return lies + ("; ".join(reasons) or f"tiles have numbers where u is 0 to {TILES[0]} and v is 0 to {TILES[1]}")
+    beyond = uvs[np.isfinite(uvs).all(axis=-1) & ((uvs < 0) | (uvs > TILES)).any(axis=-1)]
+    bounds = (f"{axis} from {of.min():.4g} to {of.max():.4g}" for axis, of in zip("uv", beyond.T) if len(of))
+    return "; ".join([*bounds, f"tiles have numbers where u is 0 to {TILES[0]} and v is 0 to {TILES[1]}"])
 
 
 def luminance(colours: np.ndarray) -> np.ndarray:
@@ -157,38 +151,34 @@ def luminance(colours: np.ndarray) -> np.ndarray:
     return np.where(grey, red, 0.2126 * red + 0.7152 * green + 0.0722 * blue)
 
 
+_LONGEST = 160
+"""Bytes of a mesh's name in file names, which have 255 and say more than that."""
 FARTHEST = 2**53
 """Up to this number each whole frame is a number of its own in f64."""
 
 
-def whole_frames(
-    first: float, last: float, where: str, warnings: list[str], left_out: list[LeftOut], slack: float = 0.0
-) -> Sequence[int]:
-    """The whole frames of a range, also those that miss it by the slack; of one without any, its first frame, rounded,
+def whole_frames(first: float, last: float, where: str, warnings: list[str], left_out: list[LeftOut]) -> Sequence[int]:
+    """The whole frames of a range, also those that miss it by rounding; of one without any, its first frame, rounded,
     which is warned of. Very many are not listed. Ends of the range that are none go to `left_out`. Raises
     SceneError."""
     for frame in (first, last):
         # No comparison holds for what is no number.
         if not abs(frame) < FARTHEST:
             raise SceneError(f"{where}: its frames go from {first:g} to {last:g}: {frame:g} is no frame")
-    frames = range(math.ceil(first - slack), math.floor(last + slack) + 1)
+    frames = range(math.ceil(first - CLOSE), math.floor(last + CLOSE) + 1)
     if not frames:
         frames = range(round(first), round(first) + 1)
-        warnings.append(
-            f"{where}: no frame from {first:g} to {last:g} is a whole number: frame {frames[0]} alone is baked"
-        )
-    ends = {end for end, nearest in ((first, frames[0]), (last, frames[-1])) if abs(end - nearest) > max(slack, 1e-6)}
+        warnings.append(f"{where}: no frame from {first:g} to {last:g} is whole: frame {frames[0]} alone is baked")
+    ends = {end for end, nearest in ((first, frames[0]), (last, frames[-1])) if abs(end - nearest) > CLOSE}
     if ends:
         between = tuple(round(end, 6) for end in sorted(ends))
-        left_out.append(
-            LeftOut("an end of the range that is no whole frame; --frames can name it", "", between, meant=True)
-        )
+        left_out.append(LeftOut("an end of the range, no whole frame; --frames can name it", "", between, meant=True))
     return frames if len(frames) > MOST else tuple(frames)
 
 
 def unique_names(paths: Sequence[str], warnings: list[str] | None = None) -> list[str]:
     """A name per path that is safe in file names and unique whatever the case of its letters: the last part of the path
-    where that is enough, else all parts, and a number where these are not, which is warned of."""
+    where that is enough, else all parts, and a number where these are not; of a long one its end. Both are told."""
     short = [_safe(path.rsplit("/", 1)[-1]) for path in paths]
     count = Counter(map(_folded, short))
     names: list[str] = []
@@ -196,12 +186,13 @@ def unique_names(paths: Sequence[str], warnings: list[str] | None = None) -> lis
     for path, name in zip(paths, short):
         if count[_folded(name)] > 1:
             name = _safe(path.strip("/").replace("/", "_"))
+        whole, name = name, name.encode()[-_LONGEST:].decode(errors="ignore")
         unique, number = name, 2
         while _folded(unique) in taken:
             unique, number = f"{name}_{number}", number + 1
-        if unique != name and warnings is not None:
-            other = taken[_folded(name)]
-            warnings.append(f"{path}: <mesh> stands for {unique}, since it stands for {name} of {other}")
+        if unique != whole and warnings is not None:
+            since = f"it stands for {name} of {taken[_folded(name)]}" if unique != name else "its name is too long"
+            warnings.append(f"{path}: <mesh> stands for {unique}, since {since}")
         taken[_folded(unique)] = path
         names.append(unique)
     return names

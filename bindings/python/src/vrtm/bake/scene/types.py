@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -10,6 +10,7 @@ import numpy as np
 
 import vrtm
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.timing import Clock
 
 
@@ -40,9 +41,11 @@ class SceneOptions:
     meshes: tuple[str, ...] = ()
     """Names or paths of meshes, or paths of what they lie below; `*`, `?` and `[...]` are wildcards. Empty: all meshes
     that have UVs."""
-    uv: str | tuple[str, ...] | None = None
-    """Name of the UV set, or several: of these each mesh takes the first that it has. None: the scene's default (`st`,
-    or the only one, in USD, the mesh's own in Alembic, the only one in OBJ)."""
+    exclude: tuple[str, ...] = ()
+    """The same of meshes that are left out."""
+    uv: tuple[str, ...] = ()
+    """Names of UV sets: of these each mesh takes the first that it has. Empty: the scene's default (`st`, or the only
+    one, in USD, the mesh's own in Alembic, the only one in OBJ)."""
     rest: str | None = None
     """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
     where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
@@ -55,8 +58,8 @@ class SceneOptions:
     """USD: (prim path, variant set, variant) to select."""
     poses: tuple[str, ...] = ()
     fps: float | str | None = None
-    skip_still: bool = False
-    """True if a mesh that does not deform, and is not named, is left out if it cannot be read or has several UV sets to
+    lenient: bool = False
+    """True if a mesh that is not named is left out if it cannot be read, or does not deform and has several UV sets to
     choose from."""
     world: bool = False
     """True if the transforms above a mesh are applied, less their translation: to the poses those of their frames, to
@@ -67,14 +70,9 @@ class SceneOptions:
         return path in self.meshes or path.rsplit("/", 1)[-1] in self.meshes
 
     @property
-    def uv_names(self) -> tuple[str, ...]:
-        """The UV sets that are asked for, in order of preference."""
-        return (self.uv,) if isinstance(self.uv, str) else self.uv or ()
-
-    @property
     def uv_text(self) -> str:
         """End of the sentence `has no UVs`, if UV sets are asked for."""
-        return f" {' or '.join(map(repr, self.uv_names))}" if self.uv_names else ""
+        return f" {' or '.join(map(repr, self.uv))}" if self.uv else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +111,12 @@ class Shape:
     """Units of the poses in one of the rest, as far as the files say (metersPerUnit)."""
     still: bool = False
     """True if the scene has one pose of it alone."""
+    scheme: str = ""
+    """That of the subdivision surface which renderers show, where its control cage is baked in its place."""
     subsets: dict[str, np.ndarray] = field(default_factory=dict)
     """The faces of the subsets that materials are bound to, by their names."""
+    left_handed: bool = False
+    """True if the front of a face is where its corners go round clockwise."""
     cage_corners: np.ndarray | None = None
     """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
 
@@ -159,11 +161,23 @@ class Source(Protocol):
     has_subframes: bool
     """True if there are positions between two frames."""
     clock: Clock
+    codes: float
+    """Units of the clock's times per second: time codes, or 1."""
     rate: str
     """The rate of frames in words; empty if there is nothing to choose."""
+    axes: Axes
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""
         ...
+
+    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
+        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
+        world."""
+        ...
+
+    def places(self, shape: Shape) -> list[np.ndarray]: ...
+
+    def bystanders(self) -> Iterable[tuple[np.ndarray, np.ndarray]]: ...
 
     def close(self) -> None: ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -11,18 +11,20 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
 from vrtm.bake.scene.obj import rest_from_file
-from vrtm.bake.scene.posed import PosedMesh
+from vrtm.bake.scene.posed import PosedMesh, PosedSource
 from vrtm.bake.scene.refine import Cage
-from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.types import SceneError, Shape, frame_number
 from vrtm.bake.scene.usd_skel import Skeletons
 from vrtm.bake.scene.usd_stage import meters
 from vrtm.bake.words import near
 
 REST_NAMES = ("primvars:Pref", "primvars:pref", "primvars:rest", "Pref", "rest")
-UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
-PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
+# Of three numbers, as Houdini has UVs, the first two are u and v.
+_COORDINATES = tuple(f"texCoord{count}{kind}[]" for count in (2, 3) for kind in "fhd")
+_PAIRS, _TRIPLES = (tuple(f"{kind}{count}[]" for kind in ("float", "half", "double")) for count in (2, 3))
+_USUAL = ("st", "uv")
+"""Names of UV sets: triples of another name may be anything."""
 # The primvar that a bake writes.
 REDIRECTED = "st_redirected"
 
@@ -30,39 +32,31 @@ REDIRECTED = "st_redirected"
 class UsdMesh(PosedMesh):
     """A mesh, or the proxy of one in an instance."""
 
-    def __init__(
-        self,
-        file: str,
-        prim: Usd.Prim,
-        skeletons: Skeletons,
-        frames: Sequence[int],
-        clock: Clock,
-        options: SceneOptions,
-        warnings: list[str],
-    ) -> None:
-        super().__init__(f"{file} {prim.GetPath()}", str(prim.GetPath()), frames, options)
+    def __init__(self, prim: Usd.Prim, skeletons: Skeletons, source: PosedSource) -> None:
+        super().__init__(str(prim.GetPath()), source)
         self._prim = prim
         self._mesh = UsdGeom.Mesh(prim)
-        self._skin = skeletons.skin(prim, self.where)
-        self._clock = clock
-        self._warnings = warnings
+        self._skin, self._skeletons = skeletons.skin(prim, self.where), skeletons
         self._rest_unit = 1.0
 
     @cached_property
     def uv(self) -> UsdGeom.Primvar | None:
         """Its UVs; None if it has none. Raises SceneError as `find_uv` does."""
-        return find_uv(self._prim, self._options.uv_names, self.where)
+        return find_uv(self._prim, self._options.uv, self.where)
 
     def primvars(self) -> list[str]:
-        api = UsdGeom.PrimvarsAPI(self._prim)
-        return [primvar.GetPrimvarName() for primvar in api.FindPrimvarsWithInheritance() if primvar.HasAuthoredValue()]
+        return [primvar.GetPrimvarName() for primvar in authored(self._prim)]
 
     def other_uvs(self) -> str:
         """The end of a sentence about a missing UV set: its name, and that of one that is near."""
-        there = self.primvars()
-        hint = next(filter(None, (near(name, there) for name in self._options.uv_names)), "")
-        sets = sorted(primvar.GetPrimvarName() for primvar in uv_sets(self._prim) if self._options.uv_names)
-        return self._options.uv_text + (hint or (f", but {', '.join(sets)}" if sets else ""))
+        there, names = authored(self._prim), self._options.uv
+        found = (near(name, map(UsdGeom.Primvar.GetPrimvarName, there)) for name in names)
+        odd = (f": {p.GetName()} is a {p.GetTypeName()}" for p in there if p.GetPrimvarName() in names)
+        hint = next(filter(None, [*odd, *found]), "")
+        sets = uv_sets(self._prim) if names else [p for p in there if p.GetTypeName() in _TRIPLES]
+        further = ", ".join(sorted(map(UsdGeom.Primvar.GetPrimvarName, sets)))
+        then = "" if names else " of three numbers, which --uv can name"
+        return self._options.uv_text + (hint or (f", but {further}{then}" if further else ""))
 
     def identity(self) -> tuple[Any, ...]:
         """Equal for proxies of one mesh that are in the same pose in all frames and have the same UVs."""
@@ -76,12 +70,17 @@ class UsdMesh(PosedMesh):
         return (str(self._prim.GetPrimInPrototype().GetPath()), str(uv_prim.GetPath()), moved_by)
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
-        first, options, further = self._read_faces(), self._options, {}
+        first, options, further = self.read_faces(), self._options, {}
+        why = "" if self.deforms else self._skeletons.why_still(self._prim)
+        self._warnings += [f"{self.path}: no skeleton moves it: {why}"] if why else []
         uvs = self._uvs(self.uv, first)
         if options.texture_uv is not None:
-            texture_uv = self._texture_uv(options.texture_uv)
+            texture_uv = find_uv(self._prim, (options.texture_uv,), self.where)
+            if texture_uv is None:
+                hint = near(options.texture_uv, self.primvars())
+                raise SceneError(f"{self.where}: has no UVs '{options.texture_uv}' for its textures{hint}")
             values, elements = self._uvs(texture_uv, first)
-            further["texture_uvs"] = values, without_uvs(self._counts, elements)
+            further["texture_uvs"] = self._pairs(values), without_uvs(self._counts, elements)
             further["texture_uv_name"] = texture_uv.GetPrimvarName()
         shape = self._shape(
             name,
@@ -89,14 +88,15 @@ class UsdMesh(PosedMesh):
             (self._counts, self._indices),
             uvs,
             np.array(self._mesh.GetHoleIndicesAttr().Get(first) or (), np.int64),
-            [self._values(primvar, first) for primvar in (options.rigidity_primvar, options.mask_primvar)],
+            [self._values(options.rigidity_primvar, first, 0.0), self._values(options.mask_primvar, first, 1.0)],
             self._cage if self._mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none else None,
             uv_name=self.uv.GetPrimvarName(),
             **further,
         )
-        return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first))
+        left_handed = self._mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
+        return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first), left_handed=left_handed)
 
-    def _read_faces(self) -> Usd.TimeCode:
+    def read_faces(self) -> Usd.TimeCode:
         """Reads the faces at the first frame, which it returns."""
         first = self._code(self._frames[0])
         self._counts, self._indices = self._faces(first)
@@ -109,7 +109,7 @@ class UsdMesh(PosedMesh):
         if self.deforms:
             return False
         try:
-            self._read_faces()
+            self.read_faces()
             return np.array_equal(self.positions(self._frames[0]), self._rest()[0])
         except SceneError:
             return True
@@ -158,14 +158,6 @@ class UsdMesh(PosedMesh):
             or (self._skin and self._skin.moves)
             or (self._options.world and self.is_moved)
         )
-
-    def _texture_uv(self, name: str) -> UsdGeom.Primvar:
-        found = find_uv(self._prim, (name,), self.where)
-        if found is None:
-            raise SceneError(
-                f"{self.where}: has no UVs '{name}' that textures are looked up by{near(name, self.primvars())}"
-            )
-        return found
 
     def _code(self, frame: float) -> Usd.TimeCode:
         return Usd.TimeCode(self._clock.time(frame))
@@ -235,41 +227,52 @@ class UsdMesh(PosedMesh):
             raise SceneError(f"{self.where}: no {what} at time code {time}")
         return np.array(value)
 
-    def _uvs(self, uv: UsdGeom.Primvar, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
-        name = uv.GetName()
-        if uv.ValueMightBeTimeVarying():
+    def _elements(self, primvar: UsdGeom.Primvar, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
+        """The values of a primvar, and which of them each entry has: -1 where none was authored."""
+        name, found = primvar.GetName(), primvar.Get(time)
+        # Some exporters write a sample per frame of what does not change.
+        last = self._code(self._frames[-1])
+        parts = (primvar.GetAttr(), primvar.GetIndicesAttr())
+        if primvar.ValueMightBeTimeVarying() and any(of.Get(time) != of.Get(last) for of in parts if of):
             self._warnings.append(f"{self.path}: {name} changes over time; it is read at time code {time.GetValue():g}")
-        values = np.array(uv.Get(time) or (), np.float64 if "2d" in str(uv.GetTypeName()) else np.float32)
-        values = values.reshape(-1, 2)
-        if uv.GetElementSize() != 1:
-            raise SceneError(f"{self.where}: {name} has the elementSize {uv.GetElementSize()}, not 1")
-        elements = np.array(uv.GetIndices(time) or (), np.int64) if uv.IsIndexed() else np.arange(len(values))
-        # A value that an index says was not authored stands for no UV.
-        elements = np.where(elements == uv.GetUnauthoredValuesIndex(), -1, elements)
-        if len(elements) and (elements.max() >= len(values) or elements.min() < -1):
-            wrong = elements.max() if elements.max() >= len(values) else elements.min()
-            raise SceneError(f"{self.where}: {name}:indices has {wrong}, but there are {len(values)} values")
-        try:
-            interpolation = str(uv.GetInterpolation())
-            return values, corner_elements(interpolation, self._counts, self._indices, self._points, elements)
-        except ValueError as error:
-            raise SceneError(f"{self.where}: {name} has {error}") from error
+        if primvar.GetElementSize() != 1:
+            raise SceneError(f"{self.where}: {name} has the elementSize {primvar.GetElementSize()}, not 1")
+        values = np.array(() if found is None else found if primvar.GetTypeName().isArray else [found])
+        if not primvar.IsIndexed():
+            return values, np.arange(len(values))
+        # In whatever integers they are.
+        indices = np.array(primvar.GetIndicesAttr().Get(time) or (), np.int64)
+        elements = np.where(indices == primvar.GetUnauthoredValuesIndex(), -1, indices)
+        wrong = elements[(elements < -1) | (elements >= len(values))]
+        if len(wrong):
+            raise SceneError(f"{self.where}: {name}:indices has {wrong[0]}, but there are {len(values)} values")
+        return values, elements
 
-    def _values(self, name: str | None, time: Usd.TimeCode) -> np.ndarray | None:
-        """(vertices,) of a primvar, the mean where it has more values than one per vertex; None if it is missing."""
-        if name is None:
-            return None
-        primvar = UsdGeom.PrimvarsAPI(self._prim).FindPrimvarWithInheritance(name.removeprefix("primvars:"))
+    def _uvs(self, uv: UsdGeom.Primvar, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
+        values, elements = self._elements(uv, time)
+        values = values.reshape(len(values), -1 if len(values) else 2)
+        interpolation = str(uv.GetInterpolation())
+        with self._naming(uv.GetName()):
+            return values, corner_elements(interpolation, self._counts, self._indices, self._points, elements)
+
+    def _values(self, name: str | None, time: Usd.TimeCode, missing: float) -> np.ndarray | None:
+        """(vertices,) of a primvar, the mean where it has more values than one per vertex; None if it is missing.
+        `missing`: the value of entries without one."""
+        primvar = name and UsdGeom.PrimvarsAPI(self._prim).FindPrimvarWithInheritance(name.removeprefix("primvars:"))
         if not primvar or not primvar.HasAuthoredValue():
             return None
-        flat = primvar.ComputeFlattened(time)
-        values = np.array([flat] if primvar.GetTypeName().isArray is False else flat if flat is not None else ())
+        values, elements = self._elements(primvar, time)
         if values.dtype.kind not in "fiub" or values.ndim > 2 or (values.ndim == 2 and values.shape[1] < 3):
             raise SceneError(f"{self.where}: {primvar.GetName()} is a {primvar.GetTypeName()}, not numbers or colours")
-        try:
-            return per_vertex(values, str(primvar.GetInterpolation()), self._counts, self._indices, self._points)
-        except ValueError as error:
-            raise SceneError(f"{self.where}: {primvar.GetName()} has {error}") from error
+        without = np.count_nonzero(elements < 0)
+        if without:
+            told = f"{primvar.GetName()} has no value in {without} of {len(elements)} places"
+            self._warnings.append(f"{self.path}: {told}: {missing:g} is taken there")
+        # The last one, which -1 names.
+        values = np.concatenate([values, np.full_like(values, missing, shape=(1, *values.shape[1:]))])
+        interpolation = str(primvar.GetInterpolation())
+        with self._naming(primvar.GetName()):
+            return per_vertex(values[elements], interpolation, self._counts, self._indices, self._points)
 
     def _found_rest(self, wanted: str | None) -> tuple[np.ndarray, str]:
         first = self._code(self._frames[0])
@@ -301,9 +304,13 @@ class UsdMesh(PosedMesh):
             attribute = self._prim.GetAttribute(name)
             if not attribute or not attribute.HasAuthoredValue():
                 continue
-            primvar = UsdGeom.Primvar(attribute)
-            value = primvar.ComputeFlattened(time) if UsdGeom.Primvar.IsPrimvar(attribute) else attribute.Get(time)
-            values = np.array(value if value is not None else ())
+            if UsdGeom.Primvar.IsPrimvar(attribute):
+                values, elements = self._elements(UsdGeom.Primvar(attribute), time)
+                if (elements < 0).any():
+                    raise SceneError(f"{self.where}: {name} has no value in {np.count_nonzero(elements < 0)} places")
+                values = values[elements]
+            else:
+                values = np.array(attribute.Get(time) or ())
             if values.shape != (self._points, 3):
                 raise SceneError(f"{self.where}: {name} has the shape {values.shape}, not ({self._points}, 3)")
             self._compare_units(meters(attribute, time), time)
@@ -340,18 +347,11 @@ def _counted(count: int) -> str:
 
 def find_uv(prim: Usd.Prim, names: tuple[str, ...], where: str) -> UsdGeom.Primvar | None:
     """The primvar of a mesh's UVs, inherited ones included: the first of these names that it has; None if it has none.
-    Raises SceneError if none is named, there are several, and none of them is `st`, or if a named one does not hold
-    pairs."""
-    api = UsdGeom.PrimvarsAPI(prim)
-    for name in names:
-        primvar = api.FindPrimvarWithInheritance(name.removeprefix("primvars:"))
-        if not primvar or not primvar.HasAuthoredValue():
-            continue
-        if str(primvar.GetTypeName()) not in UV_TYPES + PLAIN_UV_TYPES:
-            raise SceneError(f"{where}: {primvar.GetName()} is a {primvar.GetTypeName()}, not a texCoord2f[]")
-        return primvar
+    Raises SceneError if none is named, there are several, and none of them is `st`."""
     if names:
-        return None
+        there = {p.GetName(): p for p in authored(prim) if p.GetTypeName() in _COORDINATES + _PAIRS + _TRIPLES}
+        found = (there.get(f"primvars:{name.removeprefix('primvars:')}") for name in names)
+        return next(filter(None, found), None)
     candidates = uv_sets(prim)
     default = [primvar for primvar in candidates if primvar.GetPrimvarName() == "st"]
     if not default and len(candidates) > 1:
@@ -364,12 +364,16 @@ def find_uv(prim: Usd.Prim, names: tuple[str, ...], where: str) -> UsdGeom.Primv
 
 
 def uv_sets(prim: Usd.Prim) -> list[UsdGeom.Primvar]:
-    """The primvars of texture coordinates that a mesh has; if it has none, those that hold pairs."""
-    found = {kind: [] for kind in UV_TYPES + PLAIN_UV_TYPES}
-    for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
-        name = primvar.GetPrimvarName()
-        # A primvar of an earlier bake is no UV set of the artist's.
-        if name != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
-            found[str(primvar.GetTypeName())].append(primvar)
-    of = ([primvar for kind in kinds for primvar in found[kind]] for kinds in (UV_TYPES, PLAIN_UV_TYPES))
-    return next(filter(None, of), [])
+    """The primvars of texture coordinates that a mesh has; if it has none, those that hold pairs, or triples of a usual
+    name."""
+    # A primvar of an earlier bake is no UV set of the artist's.
+    there = [primvar for primvar in authored(prim) if primvar.GetPrimvarName() != REDIRECTED]
+    usual = [*_PAIRS, *_TRIPLES]
+    return [p for p in there if p.GetTypeName() in _COORDINATES] or [
+        p for p in there if p.GetTypeName() in (usual if p.GetPrimvarName() in _USUAL else _PAIRS)
+    ]
+
+
+def authored(prim: Usd.Prim) -> list[UsdGeom.Primvar]:
+    """The primvars of a prim that have a value, inherited ones included."""
+    return [p for p in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance() if p.HasAuthoredValue()]

@@ -8,6 +8,10 @@ import numpy as np
 from pxr import Usd, UsdSkel, Vt
 
 from vrtm.bake.scene.types import SceneError
+from vrtm.bake.scene.usd_stage import ANY, shown
+
+_MOVED_BY = ("skel:skeleton", "primvars:skel:jointIndices", "skel:blendShapeTargets")
+_NO_API = "the API SkelBindingAPI is not applied to it"
 
 
 class Skeletons:
@@ -16,21 +20,35 @@ class Skeletons:
     def __init__(self, stage: Usd.Stage) -> None:
         self._cache = UsdSkel.Cache()
         self._bound: dict[str, tuple[Any, Any]] = {}
-        for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
-            if prim.IsA(UsdSkel.Root):
-                self._populate(UsdSkel.Root(prim))
-
-    def _populate(self, root: UsdSkel.Root) -> None:
-        self._cache.Populate(root, Usd.TraverseInstanceProxies())
-        for binding in self._cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies()):
-            skeleton = self._cache.GetSkelQuery(binding.GetSkeleton())
-            for target in binding.GetSkinningTargets():
-                self._bound[str(target.GetPrim().GetPath())] = (skeleton, target)
+        for prim in shown(stage):
+            if not prim.IsA(UsdSkel.Root):
+                continue
+            root, below = UsdSkel.Root(prim), (() if prim.IsDefined() else (ANY,))
+            self._cache.Populate(root, Usd.TraverseInstanceProxies(*below))
+            for binding in self._cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies(*below)):
+                skeleton = self._cache.GetSkelQuery(binding.GetSkeleton())
+                for target in binding.GetSkinningTargets():
+                    self._bound[str(target.GetPrim().GetPath())] = (skeleton, target)
 
     def skin(self, prim: Usd.Prim, where: str) -> Skin | None:
         """The skinning of a mesh; None if it has none."""
         bound = self._bound.get(str(prim.GetPath()))
         return Skin(prim, *bound, where) if bound else None
+
+    def why_still(self, prim: Usd.Prim) -> str:
+        """The reason why no skeleton moves a mesh that is made for one, as a sentence; empty if nothing is odd."""
+        name = next((name for name in _MOVED_BY if prim.HasProperty(name)), "")
+        bound = self._bound.get(str(prim.GetPath()))
+        if bound is not None:
+            prim, name = bound[0].GetPrim(), "skel:animationSource"
+            why = "" if prim.HasAPI(UsdSkel.BindingAPI) or not prim.HasProperty(name) else _NO_API
+        else:
+            above = prim
+            while above and not above.IsA(UsdSkel.Root):
+                above = above.GetParent()
+            why = "it is not below a SkelRoot" if not above else "USD finds no skeleton for it"
+            why = why if not above or prim.HasAPI(UsdSkel.BindingAPI) else _NO_API
+        return f"{prim.GetPath()} has {name}, which is ignored, since {why}" if name and why else ""
 
 
 class Skin:

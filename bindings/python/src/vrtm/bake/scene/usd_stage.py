@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
@@ -14,6 +14,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 from vrtm.bake import overwrite
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mark import is_carried, is_marked
+from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.timing import FILE, Clock, rate
 from vrtm.bake.scene.topology import whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions
@@ -21,6 +22,8 @@ from vrtm.bake.words import cause, near
 
 _IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
 _STAGE = re.compile(r"\s*\(\w+ stage .*\)$", re.DOTALL)
+ANY = Usd.PrimIsActive & Usd.PrimIsLoaded
+"""Prims below an `over` or a `class`, too."""
 _MISSING = ("_ReportErrors", "_GetLayerForClip")
 """USD's functions that tell of what a stage lacks."""
 _NO_FORMAT = "Cannot determine file format"
@@ -48,13 +51,27 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
                 other = near(name, sets.GetNames())
                 raise SceneError(f"{path} {prim_path}: no variant set '{name}' among {sets.GetNames()}{other}")
             chosen = sets.GetVariantSet(name)
-            if variant not in chosen.GetVariantNames():
-                names = chosen.GetVariantNames()
-                raise SceneError(
-                    f"{path} {prim_path}: no variant '{variant}' of '{name}' among {names}{near(variant, names)}"
-                )
+            names = chosen.GetVariantNames()
+            if variant not in names:
+                other = near(variant, names)
+                raise SceneError(f"{path} {prim_path}: no variant '{variant}' of '{name}' among {names}{other}")
             chosen.SetVariantSelection(variant)
     return stage
+
+
+def shown(stage: Usd.Stage) -> Iterable[Usd.Prim]:
+    """The prims of a stage, those in instances included, and the prototypes of its point instancers that lie below an
+    `over` or a `class`: they are then no prims of their own, but renderers draw their instances."""
+    found = dict.fromkeys(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
+    instancers = [prim for prim in found if prim.IsA(UsdGeom.PointInstancer)]
+    for instancer in instancers:
+        for path in UsdGeom.PointInstancer(instancer).GetPrototypesRel().GetForwardedTargets():
+            prototype = stage.GetPrimAtPath(path)
+            if prototype and prototype not in found:
+                below = dict.fromkeys(Usd.PrimRange(prototype, Usd.TraverseInstanceProxies(ANY)))
+                instancers += (prim for prim in below if prim.IsA(UsdGeom.PointInstancer))
+                found |= below
+    return found
 
 
 def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
@@ -75,7 +92,7 @@ def stage_files(stage: Usd.Stage) -> tuple[str, ...]:
     replaces."""
     found = {layer.realPath for layer in stage.GetUsedLayers() if layer.realPath}
     ours = marked(stage)
-    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
+    for prim in shown(stage):
         for name in prim.GetMetadata("clips") or ():
             found.update(asset.resolvedPath for asset in Usd.ClipsAPI(prim).ComputeClipAssetPaths(name))
         if prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
@@ -105,6 +122,22 @@ def assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
             yield asset.resolvedPath
 
 
+def axes_of(stage: Usd.Stage) -> Axes:
+    """The axes of a stage, as far as its root layer says them."""
+    root = stage.GetPseudoRoot()
+    up, meters = (
+        root.GetMetadata(name) if root.HasAuthoredMetadata(name) else None
+        for name in (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.metersPerUnit)
+    )
+    return Axes(up and str(up), meters)
+
+
+def instances_above(stage: Usd.Stage, path: Sdf.Path | str) -> list[Sdf.Path]:
+    """The instances at and above a path, from above: layers change what is inside once they are plain prims."""
+    found = {prefix: stage.GetPrimAtPath(prefix) for prefix in Sdf.Path(path).GetPrefixes()}
+    return [prefix for prefix, prim in found.items() if prim and prim.IsInstanceable()]
+
+
 def authored_rate(stage: Usd.Stage) -> float | None:
     return stage.GetFramesPerSecond() if stage.HasAuthoredMetadata("framesPerSecond") else None
 
@@ -125,11 +158,8 @@ def stage_clock(stage: Usd.Stage, where: str, fps: float | str | None) -> Clock:
 
 def sample_times(stage: Usd.Stage) -> list[float]:
     """Times of all samples of meshes and animations."""
-    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
-    found = (prim for prim in prims if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
-    return sorted(
-        {t for prim in found for attribute in prim.GetAuthoredAttributes() for t in attribute.GetTimeSamples()}
-    )
+    found = (prim for prim in shown(stage) if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
+    return sorted({t for prim in found for of in prim.GetAuthoredAttributes() for t in of.GetTimeSamples()})
 
 
 def stage_frames(
@@ -144,8 +174,7 @@ def stage_frames(
     if backwards or not stage.HasAuthoredTimeCodeRange():
         times = sample_times(stage)
         first, last = (times[0], times[-1]) if times else (clock.time(1),) * 2
-    slack = 0.0 if clock == Clock() else 1e-3
-    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out, slack)
+    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out)
 
 
 def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
@@ -154,21 +183,16 @@ def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
     purpose = imageable.ComputePurpose()
     if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
         return f"has the purpose '{purpose}'"
-    codes = map(clock.time, _turns(prim, frames, clock))
-    if all(imageable.ComputeVisibility(code) == UsdGeom.Tokens.invisible for code in codes):
-        return "is invisible in all frames"
-    return None
-
-
-def _turns(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> set[int]:
-    """The frames from which a mesh may be visible or not: there are few of them, however many frames there are."""
+    # The frames from which it may be visible or not: there are few of them, however many frames there are.
     turns = {frames[0]}
     while prim:
         visibility = prim.GetAttribute(UsdGeom.Tokens.visibility)
         times = visibility.GetTimeSamples() if visibility else ()
         turns.update(math.ceil(min(max(clock.frame(time), frames[0]), frames[-1])) for time in times)
         prim = prim.GetParent()
-    return turns
+    codes = map(clock.time, turns)
+    every = all(imageable.ComputeVisibility(code) == UsdGeom.Tokens.invisible for code in codes)
+    return "is invisible in all frames" if every else None
 
 
 def meshes_at_first_frame(
@@ -178,7 +202,7 @@ def meshes_at_first_frame(
     others at their first time sample; and by their paths how many meters their units are. Raises SceneError."""
     stage = open_stage(file, SceneOptions())
     found, units = [], {}
-    for prim in filter(UsdGeom.Mesh, Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
+    for prim in filter(UsdGeom.Mesh, shown(stage)):
         mesh = UsdGeom.Mesh(prim)
         time = Usd.TimeCode.EarliestTime()
         arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
