@@ -167,7 +167,8 @@ def busy(*given, **named):
     # As long as a library reads a large file.
     threading.Event().wait()
 
-owner, name = {"hidden": (usd.usd_stage, "hidden"), "shape": (usd.UsdMesh, "shape"), "asset": (Shape, "asset")}[sys.argv[1]]
+places = {"hidden": (usd.usd_stage, "hidden"), "shape": (usd.UsdMesh, "shape"), "asset": (Shape, "asset")}
+owner, name = places[sys.argv[1]]
 setattr(owner, name, busy)
 main(sys.argv[2:])
 """

@@ -1,4 +1,4 @@
-"""What a bake reads back: each mistake that a writer could make ends it, and is named."""
+"""Results of a bake are read back: each mistake that a writer could make ends it, and is named."""
 
 from collections.abc import Callable
 from dataclasses import replace

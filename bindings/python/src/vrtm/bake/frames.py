@@ -11,7 +11,7 @@ Frame = int | float
 _NUMBER = r"-?\d+(?:\.\d+)?"
 _RANGE = re.compile(rf"({_NUMBER})(?:(?:-|\s+-\s+)({_NUMBER}))?(?:\s*[x:]\s*(\d+(?:\.\d+)?))?")
 _BETWEEN = re.compile(r",|(?<=\d)\s+(?=\d)")
-"""What separates the parts of a list. A blank on one side of a hyphen alone has two readings, and is refused."""
+"""Separators of the parts of a list. A blank on one side of a hyphen alone has two readings, and is refused."""
 _LONGEST = 10_000_000
 MOST = 100_000
 """Frames that are baked without being named: an hour, and ten minutes."""

@@ -113,7 +113,7 @@ class Settings:
 
     @property
     def limits(self) -> dict[str, float]:
-        """What a bake may not exceed, by the options that say so."""
+        """Limits of a bake, by their options."""
         given = {"--max-strain": self.max_strain, "--max-error": self.max_error, "--max-worse": self.max_worse}
         return {option: limit for option, limit in given.items() if limit is not None}
 

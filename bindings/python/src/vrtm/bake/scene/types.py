@@ -112,7 +112,7 @@ class Shape:
     still: bool = False
     """True if the scene has one pose of it alone."""
     scheme: str = ""
-    """That of the subdivision surface which renderers show, where its control cage is baked in its place."""
+    """The kind of subdivision surface which renderers show, where its control cage is baked in its place."""
     subsets: dict[str, np.ndarray] = field(default_factory=dict)
     """The faces of the subsets that materials are bound to, by their names."""
     left_handed: bool = False
