@@ -81,6 +81,12 @@ class State:
             self.inputs.give_back(job.inputs)
         return job
 
+    def cancel_job(self) -> None:
+        """Has the job end soon, if there is one, and nothing wanted any more."""
+        if self.job is not None:
+            self.job.cancel()
+        self.wanted = False
+
     def end_job(self) -> None:
         """Cancels the job, if there is one, and waits for its end: milliseconds, unless a mesh is being prepared."""
         if self.job is not None:

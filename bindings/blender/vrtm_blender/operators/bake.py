@@ -35,7 +35,7 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
     makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        nodes.show_live(obj)
+        nodes.rebuild(obj)
         obj.vrtm.shows_baked = False
         # Whatever became of the image meanwhile.
         states.state_of(obj).rewrite = True

@@ -105,12 +105,6 @@ class _Carry(OnObject):
         things = f"{number} object{'s' * (number > 1)}"
         return [f"carries {things} ({places} place{'s' * (places > 1)} bound) within {farthest:.3g} of the skin"], lines
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        for name in ("farthest", "fit", "skirt"):
-            layout.prop(self, name)
-
 
 class VRTM_OT_carry(_Carry, bpy.types.Operator):
     """Have the selected objects ride on the skin of the active one: each as a whole, and scatters, point clouds and
@@ -132,10 +126,6 @@ class VRTM_OT_carry(_Carry, bpy.types.Operator):
     def kind(self, obj: bpy.types.Object) -> str:
         return carry.kind_of(obj) if self.how == "AUTO" else self.how
 
-    def draw(self, context: bpy.types.Context) -> None:
-        super().draw(context)
-        self.layout.prop(self, "how")
-
 
 class VRTM_OT_wrap(_Carry, bpy.types.Operator):
     """Have each vertex of the selected meshes ride on the skin of the active one, as modelled scales or chain mail:
@@ -153,10 +143,6 @@ class VRTM_OT_wrap(_Carry, bpy.types.Operator):
 
     def kind(self, obj: bpy.types.Object) -> str:
         return "POINTS"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        super().draw(context)
-        self.layout.prop(self, "pieces")
 
 
 class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):

@@ -68,9 +68,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
             self.end(context)
             return {"CANCELLED"}
         if event.type == "ESC":
-            state.wanted = False
-            if state.job is not None:
-                state.job.cancel()
+            state.cancel_job()
             live.doubt()
             self.end(context)
             self.report({"WARNING"}, f"{state.name}: the update was ended; what is shown is the result before it")
