@@ -33,8 +33,7 @@ class Panel(Case):
         settings.measure = True
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.capture_rest()
-        bpy.context.scene.frame_set(2)
-        bpy.ops.vrtm.update()
+        self.update(2)
         shown = self.shown(obj)
         for text in ("Captured at frame 5", "Up to date", "Time", "Strain", "Folds", "Redirection"):
             self.assertIn(text, shown)
