@@ -173,18 +173,14 @@ class Bake(FrameBake):
         images = [result_image.redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
         written = []
         for place, layer in parts:
-            path = self._path(obj, part_of(place, layer), frame)
+            path = self.folder / file_name(obj, part_of(place, layer), frame)
+            if str(path) not in self.planned:
+                raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
             pixels = images[layer] if place == "tiles" else images[layer][layout.place(place)]
             facts = {"vrtm:form": "delta"} | ({} if place == "tiles" else {"vrtm:udim": place})
             save(pixels, path, obj, "redirect", frame, facts | ({"vrtm:layer": layer} if layer else {}))
             written.append(path)
         return written
-
-    def _path(self, obj: bpy.types.Object, part: str, frame: int) -> Path:
-        path = self.folder / file_name(obj, part, frame)
-        if str(path) not in self.planned:
-            raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
-        return path
 
 
 def save(pixels: np.ndarray, path: Path, obj: bpy.types.Object, kind: str, frame: int, more: Mapping) -> None:

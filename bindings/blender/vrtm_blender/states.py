@@ -93,13 +93,6 @@ class State:
             self.job.close()
             self.take_job()
 
-    def end_asset(self) -> None:
-        self.end_job()
-        self.prepared.close()
-        self.inputs.take()
-        self.stamps.clear()
-        self.shown = b""
-
     @property
     def progress(self) -> str:
         """State of the object's job, in words."""
@@ -140,7 +133,8 @@ def object_of(state: State) -> bpy.types.Object | None:
 def drop(uid: int) -> None:
     state = known.pop(uid, None)
     if state is not None:
-        state.end_asset()
+        state.end_job()
+        state.prepared.close()
 
 
 def forget_gone() -> None:

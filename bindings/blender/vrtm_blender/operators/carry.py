@@ -155,16 +155,13 @@ class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):
 
     @classmethod
     def why_not(cls, context: bpy.types.Context) -> str | None:
-        return None if cls.found(context) else "Nothing that is selected is carried, or carries"
+        return None if cls.objects(context) else "Nothing that is selected is carried, or carries"
 
     @staticmethod
-    def found(context: bpy.types.Context) -> list[bpy.types.Object]:
+    def objects(context: bpy.types.Context) -> list[bpy.types.Object]:
         chosen = list(dict.fromkeys([*context.selected_objects, *filter(None, [context.object])]))
         own = [obj for obj in chosen if obj.vrtm_carry.kind != "NONE" and obj.library is None]
         return own or [obj for skin in chosen for obj in carry.carried_by(skin)]
-
-    def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        return self.found(context)
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         let_go(obj)
@@ -178,11 +175,6 @@ def let_go(obj: bpy.types.Object) -> None:
         if not carry.carried_by(skin):
             skin.vrtm.carried_baked = False
         live.touch_carried(skin)
-
-
-def let_all_go(skin: bpy.types.Object) -> None:
-    for obj in carry.carried_by(skin):
-        let_go(obj)
 
 
 class VRTM_OT_carry_bake(BakesFrames, bpy.types.Operator):
