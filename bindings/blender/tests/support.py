@@ -118,9 +118,10 @@ class Case(unittest.TestCase):
         part("states").clear()
 
     def idle(self, frame: int | None = None) -> None:
-        """Goes to this frame, and waits until nothing is wanted and no job is under way."""
+        """Goes to this frame, has Blender hear of edits, and waits until nothing is wanted and no job is under way."""
         if frame is not None:
             bpy.context.scene.frame_set(frame)
+        bpy.context.view_layer.update()
         states = part("states").known.values()
         poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
 
@@ -356,6 +357,7 @@ def picture(name: str, values: np.ndarray, **options) -> bpy.types.Image:
 def displace(obj: bpy.types.Object) -> None:
     """Puts an object anywhere, and makes it larger."""
     obj.scale, obj.location, obj.rotation_euler = (1.7, 1.7, 1.7), (0.3, -1, 2), (0.2, 0.1, 0.7)
+    bpy.context.view_layer.update()
 
 
 def quads(side: int) -> np.ndarray:

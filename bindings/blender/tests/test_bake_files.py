@@ -31,9 +31,7 @@ class Files(Case):
         self.bakes_to(self.folder, 1, 1).overwrite = False
 
     def arm(self, name="arm"):
-        arm = Arm(name, along=12, around=8, size=64)
-        arm.paint_image(f"{name} rigidity")
-        return arm
+        return Arm.with_studs(name, along=12, around=8, size=64)
 
     def at(self, name=NAME):
         return os.path.join(self.folder, name)
@@ -179,5 +177,5 @@ class Files(Case):
                 arm.object.vrtm.rigidity_image = image
                 for limit in (0, 500, 5000):
                     with limited(limit), self.assertRaisesRegex(RuntimeError, "painted tiles cannot be read"):
-                        bpy.ops.vrtm.update()
+                        self.update()
                 self.update()

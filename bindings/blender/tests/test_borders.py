@@ -34,13 +34,8 @@ class Borders(Case):
         return asset
 
     def check_solved(self, arm, **settings):
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertSame(delta(arm.object), arm.delta(self.solved(arm, **settings)))
-
-    def texture(self, arm):
-        node = arm.object.data.materials[0].node_tree.nodes.new("ShaderNodeTexImage")
-        node.image = bpy.data.images.new("new", 8, 8)
-        bpy.ops.vrtm.set_up_material()
 
     def test_dilated_textures_go_on(self):
         arm = self.arm()
@@ -57,11 +52,11 @@ class Borders(Case):
         settings = arm.object.vrtm
         settings.seams = "shut"
         said = "1 feature on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIn(said, self.shown(arm.object))
         # More of them, of which two touch the other side of the seam alone, and what is elsewhere.
         self.dot(arm, (0.1, 0.04), (0.55, 0.96), (0.9, 0.97), (0.7, 0.5))
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIn(said.replace("1 feature", "4 features"), self.shown(arm.object))
         settings.seams = "auto"
         self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
@@ -89,7 +84,9 @@ class Borders(Case):
 
     def test_the_better_one_where_a_texture_is_not_dilated(self):
         arm = self.arm()
-        self.texture(arm)
+        node = arm.object.data.materials[0].node_tree.nodes.new("ShaderNodeTexImage")
+        node.image = bpy.data.images.new("new", 8, 8)
+        bpy.ops.vrtm.set_up_material()
         reports = {seams: self.solved(arm, seams=seams).tiles[0].report() for seams in ("shut", "keep")}
         better, why = part("session").library("vrtm.borders").kept_or_shut(lambda seams: [reports[seams]])
         self.check_solved(arm, seams=better)

@@ -26,7 +26,6 @@ class Carry(Case):
         self.arm = Arm.with_studs()
         self.skin = self.arm.object
         displace(self.skin)
-        bpy.context.view_layer.update()
 
     def on_skin(self, number, height=0.0):
         """Places over the skin at rest, at its faces' centres, and their normals, in its space."""
@@ -78,7 +77,6 @@ class Carry(Case):
                 np.testing.assert_allclose(found[:3, :3], turns[k] @ before[k][0][:3, :3], atol=4e-6)
         # It is carried by what moves the skin as a whole, too.
         self.skin.location.x += 1
-        bpy.context.view_layer.update()
         np.testing.assert_allclose(world(studs[0])[:3, 3], where[0] + (1, 0, 0), atol=2e-6)
         self.skin.location.x -= 1
         self.assertEqual(self.carry(*studs[:2], operator="carry_remove"), {"FINISHED"})
@@ -129,7 +127,6 @@ class Carry(Case):
     def test_instances_and_hair(self):
         places, normals = self.on_skin(12)
         scatter, (hair, points) = self.instancer(places), self.hair(places, normals)
-        bpy.context.view_layer.update()
         rest = self.instances()
         self.assertEqual(self.carry(scatter, hair), {"FINISHED"})
         for frame in (1, 5):
@@ -201,11 +198,10 @@ class Carry(Case):
         bpy.ops.ed.undo_push(message="carried")
         bpy.data.objects["cloud"].data.vertices[0].co.x += 0.01
         bpy.ops.ed.undo_push(message="edit")
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertGreater(np.abs(all_of() - carried).max(), 1e-3)
         bpy.ops.ed.undo()
-        bpy.context.view_layer.update()
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertSame(all_of(), carried)
         bpy.ops.vrtm.pack_maps()
         self.reopened()
@@ -230,7 +226,6 @@ class Carry(Case):
         self.bakes_to(folder, 1, 5)
 
         def seen():
-            bpy.context.view_layer.update()
             return [world(stud), self.instances(), drawn(hair)]
 
         expected = {}
@@ -252,7 +247,7 @@ class Carry(Case):
         np.testing.assert_allclose(seen()[1], expected[5][1], atol=2e-6)
         scene.frame_set(2)
         self.assertEqual(bpy.ops.vrtm.carry_live(), {"FINISHED"})
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIsNone(stud.animation_data)
         self.assertFalse([image.name for image in bpy.data.images if image.source == "SEQUENCE"])
         for one, other in zip(seen(), expected[2]):
@@ -285,7 +280,6 @@ class Carry(Case):
         self.idle()
         cloud.data.vertices[0].co.z += 0.01
         cloud.data.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         moved, _ = self.expected(places + world(self.skin)[2, :3] * 0.01 / 1.7**2)
         np.testing.assert_allclose(drawn(cloud), moved, atol=4e-6)
@@ -309,14 +303,14 @@ class Carry(Case):
         bpy.context.view_layer.objects.active = cloud
         bpy.ops.object.mode_set(mode="OBJECT")
         bpy.context.view_layer.objects.active = self.skin
-        bpy.ops.vrtm.update()
+        self.update()
         np.testing.assert_allclose(drawn(cloud), self.expected(places)[0], atol=4e-6)
         # What has a bad point is named.
         cloud.data.vertices[0].co.x = np.nan
         self.refused("cloud: a point of it has no place")
         cloud.data.vertices[0].co = self.in_world(places)[0]
         # Without its skin it can be let go.
-        bpy.ops.vrtm.update()
+        self.update()
         bpy.data.objects.remove(self.skin)
         bpy.ops.object.select_all(action="SELECT")
         self.assertEqual(bpy.ops.vrtm.carry_remove(), {"FINISHED"})

@@ -96,9 +96,8 @@ class Dilate(Case):
     def test_it_is_all_or_nothing(self):
         arm = self.arm()
         tree = arm.object.data.materials[0].node_tree
-        missing = tree.nodes.new("ShaderNodeTexImage")
-        missing.image = bpy.data.images.new("gone", 8, 8)
-        missing.image.source, missing.image.filepath = "FILE", "/nowhere/gone.png"
+        gone = tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("gone", 8, 8)
+        gone.source, gone.filepath = "FILE", "/nowhere/gone.png"
         bpy.ops.vrtm.set_up_material()
         before = arm.texture.image
         self.refused("'gone' has no pixels", bpy.ops.vrtm.dilate)

@@ -10,11 +10,11 @@ from support import Arm, Case, bpy, delta, each, in_file, nodes_of, part, pixels
 
 
 class Keep(Case):
-    def arm(self, name="arm"):
+    def arm(self):
         """An arm that is solved, and whose material is set up by image."""
-        arm = Arm(name, along=20, around=12, size=64)
-        arm.paint_image(f"{name} rigidity").pack()
-        arm.add_material(f"{name} skin")
+        arm = Arm.with_studs(along=20, around=12, size=64)
+        arm.object.vrtm.rigidity_image.pack()
+        arm.add_material()
         self.update(5)
         self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
         return arm
@@ -41,8 +41,7 @@ class Keep(Case):
         bpy.ops.vrtm.set_up_material(by="uv_map")
         arm.object.modifiers.new("it", "SUBSURF")
         bpy.ops.vrtm.insert_tap()
-        folder = self.scratch()
-        self.bakes_to(folder, 1, 2)
+        self.bakes_to(self.scratch(), 1, 2)
         bpy.ops.vrtm.bake()
         bpy.ops.vrtm.use_baked()
         trees = [*bpy.data.node_groups, *(material.node_tree for material in bpy.data.materials)]
@@ -95,10 +94,10 @@ class Keep(Case):
     def test_names_do_not_matter(self):
         arm = self.arm()
         obj, tree = arm.object, self.group()
-        obj.vrtm.image.name, tree.name, bpy.data.materials["arm skin"].name = "a", "b", "c"
+        obj.vrtm.image.name, tree.name, bpy.data.materials["skin"].name = "a", "b", "c"
         image = obj.vrtm.image
         obj.vrtm.map_size = 32
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertEqual((obj.vrtm.image, self.read(tree), tuple(image.size)), (image, image, (32, 32)))
         expected = pixels(image)
         obj = self.saved()
@@ -130,7 +129,7 @@ class Keep(Case):
         arm = self.arm()
         obj, image = arm.object, arm.object.vrtm.image
         obj.vrtm.map_size = 512
-        bpy.ops.vrtm.update()
+        self.update()
         expected, tree = pixels(image), nodes_of(arm.mesh.materials[0])
         links = sorted((link.from_node.name, link.to_node.name) for link in tree.links)
         interpretation = image.alpha_mode, image.colorspace_settings.name
@@ -165,7 +164,7 @@ class Keep(Case):
     def test_painted_maps_that_are_not_saved_are_told(self):
         arm = self.arm()
         painted = arm.object.vrtm.rigidity_image
-        text = "Rigidity 'arm rigidity' is not saved: save or pack the image"
+        text = "Rigidity 'rigidity' is not saved: save or pack the image"
         self.assertNotIn(text, self.shown(arm.object))
         painted.pixels[0] = 0.5
         self.assertIn(text, self.shown(arm.object))
@@ -173,7 +172,7 @@ class Keep(Case):
             obj = self.saved()
         self.assertIn(f"arm: {text}", logged.output[0])
         # Packed before that, it is as it was then; one that was never packed is lost.
-        self.assertNotIn("Rigidity 'arm rigidity'", " ".join(self.shown(obj)))
+        self.assertNotIn("Rigidity 'rigidity'", " ".join(self.shown(obj)))
         obj.vrtm.rigidity_image = bpy.data.images.new("painted", 8, 8)
         obj.vrtm.rigidity_image.pixels[0] = 0.5
         obj = self.saved()

@@ -215,7 +215,7 @@ class Pictures(SheetsScene):
             found = render()
             (self.assertLooksLike if looks else self.assertDiffers)(found, each)
             self.assertEqual(len(images_of(obj)), 2 if looks else 1)
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertEqual(len([i for i in bpy.data.images if i.name.startswith("vrtm")]), 2)
 
     def test_it_is_saved_and_opened_again(self):
@@ -274,7 +274,7 @@ class Pictures(SheetsScene):
         obj.vrtm.overlaps = "each"
         self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
         self.refused("other layers than what was baked: press Update Now", bpy.ops.vrtm.use_baked)
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
 
     @each("linked", (False, True))
@@ -307,7 +307,7 @@ class Pictures(SheetsScene):
         self.assertIsNone(attribute(other, name))
         self.assertLooksLike(render(), first)
         other.vrtm.overlaps = "each"
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         self.assertSame(attribute(obj), halves(0, 1))
         self.assertIsNone(part("results").missing(obj))

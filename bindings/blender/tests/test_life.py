@@ -121,7 +121,7 @@ class Life(Case):
         arm.mesh.shape_keys.key_blocks["Basis"].data[100].co.z += 0.05
         arm.mesh.vertices[100].co.z += 0.05
         arm.mesh.update()
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIsNot(state.asset, before)
         # Another number of vertices is noticed in any case.
         arm.object.shape_key_clear()

@@ -80,7 +80,7 @@ class LinkedLayers(test_linked.LinkedCase):
         obj = self.reopened(self.folder)
         self.assertSame(self.seen_layers(obj), faces)
         self.assertIsNone(part("results").missing(obj))
-        bpy.ops.vrtm.update()
+        self.update()
         check(obj)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         self.assertIsNone(self.seen_layers(obj))

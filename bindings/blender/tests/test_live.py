@@ -43,13 +43,11 @@ class Live(Case):
         self.patch(self.live.solve, "read", lambda *a: reads.append(a) or read(*a))
         for _ in range(5):
             # What the writes have caused was heard of while they were made.
-            bpy.context.view_layer.update()
             self.idle()
         self.assertEqual((reads, state.fresh), ([], True))
         # An edit that changes nothing is looked at, and not solved again.
         self.patch(self.live, "Work", None)
         arm.mesh.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         self.assertEqual((len(reads), state.shown, state.error), (1, written, False))
         self.assertTrue(state.fresh)
@@ -147,7 +145,6 @@ class Live(Case):
         gate.set()
         fill(image, painted)
         image.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         self.assertEqual((state.shown, state.fresh), (shown, True))
         self.update(3)
@@ -182,7 +179,6 @@ class Live(Case):
         arm.painted[1001][40:70, 30:90] = 1
         arm.repaint()
         arm.object.vrtm.rigidity_image.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         self.check(arm)
         # Strokes in Texture Paint mode come as updates of the object.
@@ -191,7 +187,6 @@ class Live(Case):
         arm.painted[1001][20:50, 30:90] = 1
         arm.repaint()
         arm.object.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         bpy.ops.object.mode_set(mode="OBJECT")
         self.check(arm)
@@ -206,7 +201,6 @@ class Live(Case):
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
         group.add(list(range(1, number, 3)), 1.0, "REPLACE")
         arm.mesh.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         asset = arm.asset(painted=False)
         asset.set_vertex_rigidity((np.arange(number) % 3 < 2).astype(np.float32))

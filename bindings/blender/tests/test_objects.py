@@ -129,7 +129,7 @@ class Objects(Case):
         bpy.ops.vrtm.set_up_material(by="uv_map")
         bpy.ops.vrtm.set_up_material()
         bpy.ops.vrtm.dilate()
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIn("vrtm_strain", mesh.attributes)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         obj.modifiers.remove(obj.modifiers["it"])
@@ -152,7 +152,7 @@ class Objects(Case):
         bpy.ops.object.duplicate(linked=True)
         other = bpy.context.view_layer.objects.active
         other.modifiers["Armature"].show_viewport = False
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertSame(values(obj), first)
         self.assertGreater(np.abs(values(other) - first).max(), 1e-3)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})

@@ -26,8 +26,7 @@ class Panel(Case):
         arm = Arm()
         obj, settings = arm.object, arm.object.vrtm
         settings.rest_source = "CAPTURED"
-        with self.assertRaises(RuntimeError):
-            bpy.ops.vrtm.update()
+        self.refused("choose where")
         self.assertIn("arm: choose where the rigidity is painted", self.shown(obj))
         arm.paint_image()
         settings.measure = True

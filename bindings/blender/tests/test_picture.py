@@ -234,7 +234,6 @@ class Picture(Case):
             self.idle()
         for step in (*[bpy.ops.ed.undo] * 4, *[bpy.ops.ed.redo] * 4, *[bpy.ops.ed.undo] * 3):
             step()
-            bpy.context.view_layer.update()
             self.idle()
             for obj in [obj for obj in bpy.data.objects if obj.type == "MESH"]:
                 self.assertEqual(part("materials").of_others(obj), [], step)
@@ -280,7 +279,7 @@ class Picture(Case):
         # A duplicate has groups of its own.
         bpy.ops.object.duplicate()
         other = bpy.context.view_layer.objects.active
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertEqual(own.of_others(other), [])
         self.assertEqual(own.of_others(arm.object), [])
         self.assertEqual(len(own.redirected(other.active_material.node_tree)), 1)

@@ -29,7 +29,6 @@ class Lips:
         self.rigidity = (np.hypot(u - 0.5, v - 0.04) < 0.45 * disc).astype(np.float32)
         obj = self.object = bending("lips", self.rest, self.faces, self.uvs, self.pose, self.rigidity)
         displace(obj)
-        bpy.context.view_layer.update()
 
 
 def stud(centre, radius=0.1, height=0.08, sides=10):
@@ -104,7 +103,7 @@ class Pieces(Case):
         obj.data.edges[-1].vertices = (0, 20)
         lengths = self.lengths(obj, np.zeros((80, 3)))
         self.assertEqual(len(lengths), 4 * 30 + 1)
-        bpy.ops.vrtm.update()
+        self.update()
         own, joined = (part("geometry").positions(of.data) for of in (obj, evaluated(obj)))
         for one, other, same in ((0, 20, True), (0, 40, False), (20, 60, False)):
             apart, rest = (np.linalg.norm(of[one] - of[other]) for of in (joined, own))

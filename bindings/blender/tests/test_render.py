@@ -135,16 +135,16 @@ class Render(Scene):
         expected, size = render(), tuple(settings.image.size)
         for grid, quality in ((64, "draft"), (256, "normal")):
             settings.grid, settings.map_size, settings.quality = grid, 0, quality
-            bpy.ops.vrtm.update()
+            self.update()
             self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
             self.assertSame(render(), expected)
             self.assertEqual(tuple(settings.image.size), size)
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
         self.bakes_to(folder, 5, 5)
         bpy.ops.vrtm.bake()
         self.assertEqual(load(os.path.join(folder, "arm.redirect.1001.0005.exr")).shape[:2], (128, 128))
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertEqual(self.figures(arm.object)["Grid"], "256 x 256")
 
     def test_a_render_goes_on_when_there_is_something_wrong(self):

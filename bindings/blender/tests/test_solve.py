@@ -22,7 +22,7 @@ class Solve(Case):
         arm.repaint()
         self.assertTrue(image.is_dirty)
         names = set(bpy.data.images.keys())
-        bpy.ops.vrtm.update()
+        self.update()
         self.check(arm)
         path = os.path.join(folder, "rigidity.<UDIM>.png")
         self.assertEqual((image.is_dirty, image.file_format, image.filepath), (True, "PNG", path))
@@ -76,12 +76,12 @@ class Solve(Case):
             self.update()
             self.assertGreater(self.check(arm, asset), 0)
         settings.mask_source, settings.mask_name = "ATTRIBUTE", "mask"
-        bpy.ops.vrtm.update()
+        self.update()
         before = pixels(settings.image).copy()
         asset.set_vertex_mask(mask)
         self.check(arm, asset)
         settings.mask_source = "NONE"
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertFalse(np.array_equal(before, pixels(settings.image)))
 
     def test_rest_shapes(self):
@@ -92,7 +92,7 @@ class Solve(Case):
         key = np.array([point.co[:] for point in arm.mesh.shape_keys.key_blocks["swell"].data], np.float32)
         scene.frame_set(5)
         settings.rest_source, settings.rest_key = "SHAPE_KEY", "swell"
-        bpy.ops.vrtm.update()
+        self.update()
         self.check(arm, arm.asset(key))
         scene.frame_set(3)
         bpy.ops.vrtm.capture_rest()
@@ -169,7 +169,7 @@ class Solve(Case):
             arm.painted[1001][30:50, 60:70] = 1
             arm.painted[1001][55, 64] = 0.5
             arm.repaint()
-            bpy.ops.vrtm.update()
+            self.update()
         # The rectangle that has changed, and the same result as that of a map which is set as a whole.
         [call] = update.call_args_list
         self.assertLessEqual(call.args[4:6], (10, 26))

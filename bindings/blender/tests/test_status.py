@@ -34,7 +34,6 @@ class Status(Case):
             lambda: (fill(image, arm.painted[1001] * 0.5), image.update_tag()),
         ):
             edit()
-            bpy.context.view_layer.update()
             says("Out of date: press Update Now")
             self.update()
             says("Up to date")
@@ -47,13 +46,11 @@ class Status(Case):
             lambda: setattr(settings, "live", True) or setattr(settings, "live", False),
         ):
             edit()
-            bpy.context.view_layer.update()
             says("Up to date")
         # What no update of the object's geometry tells of.
         key = arm.mesh.shape_keys.key_blocks["swell"]
         arm.mesh.shape_keys.animation_data_clear()
         key.driver_add("value").driver.expression = "0.77"
-        bpy.context.view_layer.update()
         says("Out of date: press Update Now")
         # An undo that takes what was written back.
         self.update()
@@ -123,10 +120,10 @@ class Status(Case):
         arm.rig.animation_data_clear()
         arm.mesh.shape_keys.key_blocks["swell"].value = 0
         arm.rig.scale = (10, 10, 10)
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIn("times as long as at rest", self.notes(arm.object))
         arm.rig.scale = (1, 1, 1)
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertNotIn("times as long", self.notes(arm.object))
 
     def test_baked_files(self):

@@ -83,7 +83,7 @@ class Strain(Case):
         elastic = prepared.rigidity_of_vertices(prepared.asset.corner_uvs()) == 0
         self.assertLess(amounts["AFTER"][elastic].max(), 1e-6)
         settings.strain_rigid = False
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertGreater(np.abs(np.diff(read(attribute.data, "color", 4)[elastic][:, ::2])).mean(), 0.2)
         settings.strain = "NONE"
         self.assertEqual(len(arm.mesh.color_attributes), 0)
@@ -104,7 +104,7 @@ class Strain(Case):
             self.assertLess(np.abs(read(attribute.data, "vector", 3) - (stretch, squash, 0)).max(), 2e-3)
         arm.mesh.attributes.remove(attribute)
         self.assertIn("'vrtm_strain' is not there", part("results").missing(arm.object))
-        bpy.ops.vrtm.update()
+        self.update()
         bpy.ops.vrtm.remove_all()
         self.assertNotIn("vrtm_strain", arm.mesh.attributes)
 
