@@ -50,6 +50,53 @@ def radius_at(x: float) -> float:
     return float(np.interp(x, at, radius(at)))
 
 
+def node_of(tree: bpy.types.NodeTree, kind: str) -> bpy.types.Node:
+    """The first node of a kind."""
+    return next(node for node in tree.nodes if node.bl_idname == kind)
+
+
+def add_texture(image: bpy.types.Image, socket: bpy.types.NodeSocket) -> bpy.types.Node:
+    """A new Image Texture node, whose colour goes into a socket."""
+    tree = socket.id_data
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], socket)
+    return texture
+
+
+def add_mesh(name: str, points, faces=(), uvs: np.ndarray | None = None) -> bpy.types.Object:
+    """A mesh with the UVs of its corners, (corners, 2), in the scene; active, and selected."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(np.asarray(points).tolist(), [], np.asarray(faces).tolist())
+    if uvs is not None:
+        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.ravel(uvs).astype(np.float32))
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    return obj
+
+
+def tube(along: int, around: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The quads of rings of vertices behind one another, (faces, 4), and u along it and v around it at their corners,
+    both from 0 to 1."""
+    i, j = np.divmod(np.arange(along * around), around)
+    first, after = i * around + j, i * around + (j + 1) % around
+    faces = np.stack([first, first + around, after + around, after], -1)
+    u, v = np.stack([i, i + 1, i + 1, i], -1) / along, np.stack([j, j, j + 1, j + 1], -1) / around
+    return faces, u, v
+
+
+def add_key(obj: bpy.types.Object, name: str, moved: np.ndarray, first: int, last: int) -> None:
+    """A shape key, from 0 in the first frame to 1 in the last one."""
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name=name)
+    key.data.foreach_set("co", moved.astype(np.float32).ravel())
+    for frame, value in ((first, 0.0), (last, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+
+
 def skin(along: int = 240, around: int = 96) -> bpy.types.Object:
     """The arm at rest, along x; u runs along it, and v around it, with the seam underneath."""
     x = np.linspace(0, LENGTH, along + 1)
@@ -60,18 +107,9 @@ def skin(along: int = 240, around: int = 96) -> bpy.types.Object:
     points = np.stack(
         [np.broadcast_to(x[:, None], (along + 1, around)), r * swell * np.sin(angle), r * swell * np.cos(angle)], -1
     )
-    first = (np.arange(along)[:, None] * around + np.arange(around)).ravel()
-    after = (np.arange(along)[:, None] * around + (np.arange(around) + 1) % around).ravel()
-    faces = np.stack([first, first + around, after + around, after], -1)
-    i, j = np.divmod(np.arange(along * around), around)
-    u, v = np.stack([i, i + 1, i + 1, i], -1) / along, np.stack([j, j, j + 1, j + 1], -1) / around
-    uvs = np.stack([u, 0.03 + 0.94 * v], -1)
-    mesh = bpy.data.meshes.new("skin")
-    mesh.from_pydata(points.reshape(-1, 3).tolist(), [], faces.tolist())
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
-    mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
-    obj = bpy.data.objects.new("skin", mesh)
-    bpy.context.collection.objects.link(obj)
+    faces, u, v = tube(along, around)
+    obj = add_mesh("skin", points.reshape(-1, 3), faces, np.stack([u, 0.03 + 0.94 * v], -1))
+    obj.data.shade_smooth()
     return obj
 
 
@@ -107,17 +145,12 @@ def rig(obj: bpy.types.Object) -> None:
     rest = np.array([vertex.co[:] for vertex in obj.data.vertices])
     t = np.clip((rest[:, 0] - ELBOW + 0.75) / 1.5, 0, 1)
     bones(obj, "rig", ELBOW, LENGTH, t * t * (3 - 2 * t), {1: 0, 20: 88})
-    obj.shape_key_add(name="Basis")
-    key = obj.shape_key_add(name="biceps")
     # On the inner side of the bend, and smooth all around.
     side = 0.5 + 0.5 * np.sin(np.arctan2(rest[:, 1], rest[:, 2]) + 0.25)
     bulge = np.exp(-(((rest[:, 0] - 0.9) / 0.5) ** 2)) * side**2
     moved = rest.copy()
     moved[:, 1:] *= 1 + 0.7 * bulge[:, None]
-    key.data.foreach_set("co", moved.astype(np.float32).ravel())
-    for frame, value in ((1, 0), (20, 1)):
-        key.value = value
-        key.keyframe_insert("value", frame=frame)
+    add_key(obj, "biceps", moved, 1, 20)
 
 
 def paint() -> dict[str, np.ndarray]:
@@ -179,14 +212,12 @@ def image(name: str, pixels: np.ndarray) -> bpy.types.Image:
 def material(obj: bpy.types.Object, colour: bpy.types.Image, height: bpy.types.Image) -> None:
     made = bpy.data.materials.new("skin")
     tree = nodes_of(made)
-    shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+    shader = node_of(tree, "ShaderNodeBsdfPrincipled")
     bump = tree.nodes.new("ShaderNodeBump")
     bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 0.9, 0.09
     shader.inputs["Roughness"].default_value = 0.42
     for picture, socket in ((colour, shader.inputs["Base Color"]), (height, bump.inputs["Height"])):
-        texture = tree.nodes.new("ShaderNodeTexImage")
-        texture.image, texture.extension = picture, "EXTEND"
-        tree.links.new(texture.outputs["Color"], socket)
+        add_texture(picture, socket).extension = "EXTEND"
     tree.links.new(bump.outputs["Normal"], shader.inputs["Normal"])
     obj.data.materials.append(made)
 
@@ -217,8 +248,7 @@ def stage() -> None:
         aim(bpy.data.objects.new(name, light), place, centre)
     world = bpy.data.worlds.new("world")
     scene.world = world
-    background = next(node for node in nodes_of(world).nodes if node.bl_idname == "ShaderNodeBackground")
-    background.inputs["Color"].default_value = (0.045, 0.05, 0.06, 1)
+    node_of(nodes_of(world), "ShaderNodeBackground").inputs["Color"].default_value = (0.045, 0.05, 0.06, 1)
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", 48
     scene.cycles.use_denoising = False
@@ -238,7 +268,6 @@ def make() -> bpy.types.Object:
     # Nothing uses it until the add-on does.
     image("rigidity", painted["rigidity"]).use_fake_user = True
     bpy.context.view_layer.objects.active = obj
-    obj.select_set(True)
     bpy.context.scene.frame_end = 20
     return obj
 

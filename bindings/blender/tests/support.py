@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+import functools
 import os
 import sys
 import tempfile
 import types
 import unittest
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -14,7 +18,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
 # The sample file's script lies beside this folder.
 sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from sample import bones, nodes_of, rgba  # noqa: E402
+from sample import add_key, add_mesh, add_texture, bones, node_of, nodes_of, rgba, tube  # noqa: E402
 
 EXTENSION = "bl_ext.user_default.vrtm"
 ICONS = set(bpy.types.UILayout.bl_rna.functions["prop"].parameters["icon"].enum_items.keys())
@@ -84,6 +88,23 @@ def part(name: str):
     return sys.modules[f"{EXTENSION}.{name}"]
 
 
+def each(names: str, values):
+    """As pytest.mark.parametrize, for a method of a Case: with each value it begins with an empty scene."""
+
+    def decorated(test):
+        @functools.wraps(test)
+        def run(self, **others):
+            for value in values:
+                given = dict(zip(names.split(", "), value if ", " in names else [value], strict=True))
+                with self.subTest(**given):
+                    self.setUp()
+                    test(self, **others, **given)
+
+        return run
+
+    return decorated
+
+
 class Case(unittest.TestCase):
     """Each test begins with an empty scene, and leaves nothing of the live path behind."""
 
@@ -96,16 +117,48 @@ class Case(unittest.TestCase):
         part("live").stop_timer()
         part("states").clear()
 
-    def idle(self) -> None:
-        """Until nothing is wanted and no job is under way."""
+    def idle(self, frame: int | None = None) -> None:
+        """Goes to this frame, has Blender hear of edits, and waits until nothing is wanted and no job is under way."""
+        if frame is not None:
+            bpy.context.scene.frame_set(frame)
+        bpy.context.view_layer.update()
         states = part("states").known.values()
         poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
 
-    def update(self) -> None:
+    def update(self, frame: int | None = None) -> None:
+        """Update Now, at this frame."""
+        if frame is not None:
+            bpy.context.scene.frame_set(frame)
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
 
+    def refused(self, words: str, operator=bpy.ops.vrtm.update, **options) -> None:
+        """Checks that the operator is cancelled, and says `words`, a regular expression."""
+        with self.assertRaisesRegex(RuntimeError, words):
+            operator(**options)
+
+    @contextlib.contextmanager
+    def set(self, settings: bpy.types.PropertyGroup, **given) -> Iterator[None]:
+        """Settings that are these until the end of the block."""
+        before = {name: getattr(settings, name) for name in given}
+        for name, value in given.items():
+            setattr(settings, name, value)
+        yield
+        for name, value in before.items():
+            setattr(settings, name, value)
+
     def headline(self, obj: bpy.types.Object) -> str:
-        return part("status").headline(obj, bpy.context.scene).text
+        return self.line(obj)[0]
+
+    def line(self, obj: bpy.types.Object) -> tuple[str, str]:
+        """Text and icon of the headline."""
+        return dataclasses.astuple(part("status").headline(obj, bpy.context.scene))
+
+    def figures(self, obj: bpy.types.Object) -> dict[str, str]:
+        return dict(part("states").find_state(obj).figures)
+
+    def strains(self, obj: bpy.types.Object) -> tuple[float, float]:
+        """Before and after, as the panel shows them."""
+        return tuple(map(float, self.figures(obj)["Strain"].split()[::2]))
 
     def notes(self, obj: bpy.types.Object) -> str:
         return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
@@ -132,7 +185,7 @@ class Case(unittest.TestCase):
         path = os.path.join(folder or self.scratch(), "file.blend")
         bpy.ops.wm.save_as_mainfile(filepath=path)
         bpy.ops.wm.open_mainfile(filepath=path)
-        obj = bpy.context.view_layer.objects.active = bpy.data.objects[name]
+        obj = bpy.context.view_layer.objects.active = bpy.data.objects[name, None]
         return obj
 
     def bakes_to(self, folder: str, start: int, end: int) -> bpy.types.PropertyGroup:
@@ -172,22 +225,17 @@ class Arm:
         points = ring[None] * radius[:, None, None]
         points[..., 0] = x[:, None]
         points = points.reshape(-1, 3).astype(np.float32)
-        faces, uvs = [], []
-        for i in range(along):
-            for j in range(around):
-                k = (j + 1) % around
-                faces.append([i * around + j, i * around + k, (i + 1) * around + k, (i + 1) * around + j])
-                low, high = i / along * tiles, (i + 1) / along * tiles
-                v, w = 0.04 + 0.92 * j / around, 0.04 + 0.92 * (j + 1) / around
-                uvs += [(low, v), (low, w), (high, w), (high, v)]
-        self.faces, self.uvs = np.array(faces, np.uint32), np.array(uvs, np.float32)
-        self.object = mesh_object(name, points, self.faces, self.uvs)
+        # The other way round than the sample's.
+        faces, u, v = (of[:, [0, 3, 2, 1]] for of in tube(along, around))
+        self.faces = faces.astype(np.uint32)
+        self.uvs = np.stack([u * tiles, 0.04 + 0.92 * v], -1).reshape(-1, 2).astype(np.float32)
+        self.object = add_mesh(name, points, self.faces, self.uvs)
         self.mesh = self.object.data
-        self.mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
+        self.mesh.shade_smooth()
         self.rig = bones(self.object, f"{name} rig", 0.8, 2, np.clip((points[:, 0] - 0.55) / 0.5, 0, 1), {1: 0, 5: 80})
         swollen = points.copy()
         swollen[:, 1:] *= 1 + 0.4 * np.exp(-(((points[:, :1] - 1.4) / 0.25) ** 2))
-        add_key(self.object, "swell", swollen)
+        add_key(self.object, "swell", swollen, 1, 5)
         bpy.context.view_layer.objects.active = self.object
         self.object.select_set(True)
         settings = self.object.vrtm
@@ -196,47 +244,51 @@ class Arm:
         self.painted = {1001 + tile: studs(size, tile) for tile in range(tiles)}
 
     @classmethod
-    def with_studs(cls, *given, **options) -> Arm:
+    def with_studs(cls, *given, live: bool = False, **options) -> Arm:
         """An arm whose rigidity is the image of its studs."""
         arm = cls(*given, **options)
         arm.paint_image()
+        arm.object.vrtm.live = live
         return arm
 
     def paint_image(self, name: str = "rigidity") -> bpy.types.Image:
-        """The studs as an image of one tile, painted in memory only."""
-        image = bpy.data.images.new(name, self.size, self.size, float_buffer=False)
-        image.pixels.foreach_set(rgba(self.painted[1001]).ravel())
-        settings = self.object.vrtm
-        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
-        return image
+        """The first tile's studs as an image for all tiles, painted in memory only."""
+        self.painted = dict.fromkeys(self.painted, self.painted[1001])
+        return self.take(picture(name, self.painted[1001]))
 
     def paint_tiles(self, folder: str, name: str = "rigidity") -> bpy.types.Image:
         """The studs as a tiled image, from files."""
         image = tiled(folder, name, {udim: rgba(values) for udim, values in self.painted.items()})
         image.colorspace_settings.name = "Non-Color"
-        settings = self.object.vrtm
-        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+        return self.take(image)
+
+    def take(self, image: bpy.types.Image) -> bpy.types.Image:
+        """Has an image as the rigidity."""
+        self.object.vrtm.rigidity_source, self.object.vrtm.rigidity_image = "IMAGE", image
         return image
+
+    def repaint(self) -> None:
+        """Writes what is painted on the first tile to the rigidity image, without telling Blender of it."""
+        fill(self.object.vrtm.rigidity_image, self.painted[1001])
+
+    def find(self, name: str = "arm") -> None:
+        """Has its objects anew, after an undo or in another file."""
+        self.object, self.rig = bpy.data.objects[name], bpy.data.objects[f"{name} rig"]
+        self.mesh = self.object.data
 
     def add_material(self, name: str = "skin", albedo: bpy.types.Image | None = None) -> bpy.types.Node:
         """Gives the arm a material with a texture in its colour, whose node is returned."""
         material = bpy.data.materials.new(name)
-        tree = nodes_of(material)
-        texture = tree.nodes.new("ShaderNodeTexImage")
-        texture.image = albedo or bpy.data.images.new("albedo", 128, 128)
-        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
-        tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+        shader = node_of(nodes_of(material), "ShaderNodeBsdfPrincipled")
         self.mesh.materials.append(material)
-        return texture
+        return add_texture(albedo or bpy.data.images.new("albedo", 128, 128), shader.inputs["Base Color"])
 
     def rest(self) -> np.ndarray:
         return np.array([vertex.co[:] for vertex in self.mesh.vertices], np.float32)
 
     def pose(self, obj: bpy.types.Object | None = None) -> np.ndarray:
         """The evaluated vertices, read in a plain loop."""
-        obj = obj or self.object
-        evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        return np.array([vertex.co[:] for vertex in evaluated.data.vertices], np.float32)
+        return np.array([vertex.co[:] for vertex in evaluated(obj or self.object).data.vertices], np.float32)
 
     def asset(self, rest: np.ndarray | None = None, painted: bool = True):
         """The same by the Python package alone; `painted`: with the rigidity as the image of 8 bits has it."""
@@ -248,6 +300,11 @@ class Arm:
         return np.concatenate(
             [tile.fetch("redirection_delta", self.size, channels=2, origin="bottom") for tile in asset.tiles], 1
         )
+
+
+def evaluated(obj: bpy.types.Object) -> bpy.types.Object:
+    """As Blender draws it now."""
+    return obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
 
 
 def asset_of(
@@ -276,8 +333,7 @@ def select(*objects: bpy.types.Object) -> None:
 def tiled(folder: str, name: str, tiles: dict[int, np.ndarray]) -> bpy.types.Image:
     """A tiled image of 8 bits, from files."""
     for udim, values in tiles.items():
-        one = bpy.data.images.new(f"{name} {udim}", *values.shape[1::-1], float_buffer=False)
-        one.pixels.foreach_set(values.ravel())
+        one = picture(f"{name} {udim}", values)
         one.file_format = "PNG"
         one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"))
         bpy.data.images.remove(one)
@@ -286,17 +342,22 @@ def tiled(folder: str, name: str, tiles: dict[int, np.ndarray]) -> bpy.types.Ima
     return image
 
 
-def mesh_object(name: str, points, faces=(), uvs: np.ndarray | None = None) -> bpy.types.Object:
-    """A mesh with the UVs of its corners, (corners, 2), in the scene; active, and selected."""
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(np.asarray(points).tolist(), [], np.asarray(faces).tolist())
-    if uvs is not None:
-        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.ravel(uvs).astype(np.float32))
-    obj = bpy.data.objects.new(name, mesh)
-    bpy.context.collection.objects.link(obj)
-    bpy.context.view_layer.objects.active = obj
-    obj.select_set(True)
-    return obj
+def fill(image: bpy.types.Image, values: np.ndarray) -> None:
+    """Writes colours (height, width, 4), or greys (height, width), to an image in memory."""
+    image.pixels.foreach_set((rgba(values) if values.ndim == 2 else values).ravel())
+
+
+def picture(name: str, values: np.ndarray, **options) -> bpy.types.Image:
+    """A new image with such values, in memory only."""
+    image = bpy.data.images.new(name, *values.shape[1::-1], **options)
+    fill(image, values)
+    return image
+
+
+def displace(obj: bpy.types.Object) -> None:
+    """Puts an object anywhere, and makes it larger."""
+    obj.scale, obj.location, obj.rotation_euler = (1.7, 1.7, 1.7), (0.3, -1, 2), (0.2, 0.1, 0.7)
+    bpy.context.view_layer.update()
 
 
 def quads(side: int) -> np.ndarray:
@@ -309,25 +370,14 @@ def bending(
     name: str, rest: np.ndarray, faces: np.ndarray, uvs: np.ndarray, moved: np.ndarray, rigidity: np.ndarray
 ) -> bpy.types.Object:
     """A mesh with UVs (corners, 2) and a rigidity image, which a shape key moves from frame 1 to frame 5; active."""
-    obj = mesh_object(name, rest, faces, uvs)
-    add_key(obj, "moved", moved)
-    image = bpy.data.images.new("rigidity", *rigidity.shape)
-    image.pixels.foreach_set(rgba(rigidity).ravel())
+    obj = add_mesh(name, rest, faces, uvs)
+    add_key(obj, "moved", moved, 1, 5)
+    image = picture("rigidity", rigidity)
     image.pack()
     settings = obj.vrtm
     settings.device, settings.grid, settings.render_grid = "cpu", len(rigidity), len(rigidity)
     settings.rigidity_source, settings.rigidity_image = "IMAGE", image
     return obj
-
-
-def add_key(obj: bpy.types.Object, name: str, moved: np.ndarray) -> None:
-    """A shape key, from 0 in frame 1 to 1 in frame 5."""
-    obj.shape_key_add(name="Basis")
-    key = obj.shape_key_add(name=name)
-    key.data.foreach_set("co", moved.astype(np.float32).ravel())
-    for frame, value in ((1, 0.0), (5, 1.0)):
-        key.value = value
-        key.keyframe_insert("value", frame=frame)
 
 
 def sampled(image: np.ndarray, at: np.ndarray) -> np.ndarray:

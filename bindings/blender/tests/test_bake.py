@@ -8,26 +8,24 @@ from support import Arm, Case, bpy, load, part
 
 
 class Bake(Case):
-    def arm(self, tiles):
-        arm = Arm.with_studs(tiles=tiles)
-        arm.painted = {udim: arm.painted[1001] for udim in arm.painted}
-        return arm
-
-    def settings(self, folder, start=2, end=4, step=2):
+    def settings(self, start=2, end=4, step=2):
+        """Bakes to a scratch folder, which is returned."""
+        folder, bpy.context.scene.frame_step = self.scratch(), step
         self.bakes_to(folder, start, end)
-        bpy.context.scene.frame_step = step
+        return folder
 
     def test_tiles_of_each_frame(self):
-        arm = self.arm(2)
+        arm = Arm.with_studs(tiles=2, live=True)
         scene = bpy.context.scene
         scene.frame_set(3)
         images = set(bpy.data.images.keys())
-        folder = self.scratch()
-        self.settings(folder)
+        folder = self.settings()
         self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
         names = {f"arm.redirect.{part}.{frame:04d}.exr" for part in ("1001", "1002", "tiles") for frame in (2, 4)}
         self.assertEqual(set(os.listdir(folder)), names)
+        # The scene is as it was, and so is what is shown.
         self.assertEqual(scene.frame_current, 3)
+        self.check(arm)
         asset = arm.asset()
         for frame in (2, 4):
             scene.frame_set(frame)
@@ -41,22 +39,10 @@ class Bake(Case):
         self.assertEqual(set(bpy.data.images.keys()), images)
         self.assertFalse(part("session").baking)
 
-    def test_what_is_shown_is_solved_again_after_a_bake(self):
-        arm = self.arm(1)
-        arm.object.vrtm.live = True
-        bpy.context.scene.frame_set(5)
-        folder = self.scratch()
-        self.settings(folder, start=2, end=2)
-        bpy.ops.vrtm.bake()
-        self.check(arm)
-        bpy.context.scene.frame_set(5)
-        self.check(arm)
-
     def test_given_up_in_the_middle(self):
-        arm = self.arm(1)
+        arm = Arm.with_studs()
         bpy.context.scene.frame_set(3)
-        folder = self.scratch()
-        self.settings(folder, start=1, end=5, step=1)
+        folder = self.settings(start=1, end=5, step=1)
         steps = part("bake").Bake(bpy.context.scene, [arm.object]).steps()
         self.assertEqual([next(steps)[0], next(steps)[0]], [1, 2])
         steps.close()
@@ -64,22 +50,15 @@ class Bake(Case):
         self.assertEqual((bpy.context.scene.frame_current, part("session").baking), (3, False))
 
     def test_what_is_wrong_is_said(self):
-        arm = self.arm(1)
-        folder = self.scratch()
+        arm, folder, settings = Arm.with_studs(), self.settings(), bpy.context.scene.vrtm_bake
         file = os.path.join(folder, "file")
         with open(file, "w"):
             pass
-        for changes, word in (
-            ({"folder": "//"}, "never saved"),
-            ({"folder": os.path.join(file, "under")}, "cannot be made"),
-        ):
-            self.settings(**changes)
-            with self.assertRaisesRegex(RuntimeError, word):
-                bpy.ops.vrtm.bake()
-        self.settings(folder)
+        for directory, words in (("//", "never saved"), (os.path.join(file, "under"), "cannot be made")):
+            with self.set(settings, directory=directory):
+                self.refused(words, bpy.ops.vrtm.bake)
         arm.object.vrtm.rigidity_image = None
-        with self.assertRaisesRegex(RuntimeError, "choose the rigidity image; 0 frames are written"):
-            bpy.ops.vrtm.bake()
+        self.refused("choose the rigidity image; 0 frames are written", bpy.ops.vrtm.bake)
         self.assertEqual(os.listdir(folder), ["file"])
         arm.object.vrtm.rigidity_source = "NONE"
         self.assertFalse(bpy.ops.vrtm.bake.poll())

@@ -1,28 +1,27 @@
 """Files that are in the way of a bake: it replaces its own alone, and leaves no file that is damaged."""
 
+import contextlib
 import os
 import resource
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from support import Arm, Case, bpy, part, pixels
+from support import Arm, Case, bpy, each, part, pixels, select
 
 NAME = "arm.redirect.1001.0001.exr"
 
 
-class limited:
+@contextlib.contextmanager
+def limited(size):
     """Files of no more than some bytes: Python and Blender get an error where they write on, as on a full disk."""
-
-    def __init__(self, size):
-        self.size = size
-
-    def __enter__(self):
-        self.kept = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (self.size, self.kept[1]))
-
-    def __exit__(self, *_):
-        resource.setrlimit(resource.RLIMIT_FSIZE, self.kept)
+    kept = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, kept[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, kept)
 
 
 class Files(Case):
@@ -32,21 +31,17 @@ class Files(Case):
         self.bakes_to(self.folder, 1, 1).overwrite = False
 
     def arm(self, name="arm"):
-        arm = Arm(name, along=12, around=8, size=64)
-        arm.paint_image(f"{name} rigidity")
-        return arm
+        return Arm.with_studs(name, along=12, around=8, size=64)
 
     def at(self, name=NAME):
         return os.path.join(self.folder, name)
 
     def put(self, name, content=b"an artist's work"):
-        with open(self.at(name), "wb") as file:
-            file.write(content)
+        Path(self.at(name)).write_bytes(content)
         return self.at(name)
 
     def content(self, name=NAME):
-        with open(self.at(name), "rb") as file:
-            return file.read()
+        return Path(self.at(name)).read_bytes()
 
     def picture(self, name, frames=("",)):
         """An image file of the artist's."""
@@ -57,7 +52,7 @@ class Files(Case):
             bpy.data.images.remove(image)
         return self.at(name + frames[0] + ".exr")
 
-    def refused(self, *words):
+    def bake_refused(self, *words):
         """Checks that the bake is refused with these words, and that nothing in the folder has changed."""
         before = {name: self.content(name) for name in os.listdir(self.folder)}
         with self.assertRaises(RuntimeError) as caught:
@@ -68,11 +63,13 @@ class Files(Case):
 
     def test_a_file_of_others_stays_unless_overwrite_is_on(self):
         self.arm()
-        self.put(NAME)
-        self.refused("arm", NAME, "switch Overwrite on", "0 frames are written")
+        # One file among many is enough.
+        bpy.context.scene.frame_end, last = 3, "arm.redirect.1001.0003.exr"
+        self.put(last)
+        self.bake_refused("arm", last, "switch Overwrite on", "0 frames are written")
         bpy.context.scene.vrtm_bake.overwrite = True
         self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-        self.assertIn(b"vrtm:kind\0", self.content())
+        self.assertIn(b"vrtm:kind\0", self.content(last))
         # Its own it replaces.
         bpy.context.scene.vrtm_bake.overwrite = False
         before = self.content()
@@ -81,13 +78,7 @@ class Files(Case):
         self.assertEqual(self.content(), before)
         # An EXR of others, as Blender writes it, is none of its own.
         os.replace(self.picture("picture"), self.at())
-        self.refused(NAME, "Overwrite")
-
-    def test_one_file_among_many_is_enough(self):
-        self.arm()
-        bpy.context.scene.frame_end = 3
-        self.put("arm.redirect.1001.0003.exr")
-        self.refused("arm.redirect.1001.0003.exr")
+        self.bake_refused(NAME, "Overwrite")
 
     def test_what_the_file_reads_is_never_replaced(self):
         def image(arm):
@@ -124,28 +115,16 @@ class Files(Case):
                 arm = self.arm()
                 kind(arm)
                 bpy.context.scene.vrtm_bake.overwrite = True
-                self.refused("arm", "'the skin'" if kind == image else NAME, "which is read")
+                self.bake_refused("arm", "'the skin'" if kind == image else NAME, "which is read")
 
-    def test_baked_files_that_are_shown_are_baked_again(self):
-        self.arm()
-        bpy.context.scene.frame_set(5)
-        bpy.ops.vrtm.update()
-        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-        bpy.ops.vrtm.use_baked()
-        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-
-    def test_two_objects_have_files_of_their_own(self):
-        for names in (("an arm", "an_arm"), ("arm", "Arm")):
-            for selected in (names, names[:1]):
-                with self.subTest(names=names, selected=selected):
-                    self.setUp()
-                    for name in names:
-                        self.arm(name)
-                    bpy.context.view_layer.objects.active = bpy.data.objects[selected[0]]
-                    for obj in bpy.data.objects:
-                        obj.select_set(obj.name in selected)
-                    self.refused(*names)
-                    self.assertEqual(os.listdir(self.folder), [])
+    @each("names", (("an arm", "an_arm"), ("arm", "Arm")))
+    @each("selected", (2, 1))
+    def test_two_objects_have_files_of_their_own(self, names, selected):
+        for name in names:
+            self.arm(name)
+        select(*(bpy.data.objects[name] for name in names[:selected]))
+        self.bake_refused(*names)
+        self.assertEqual(os.listdir(self.folder), [])
 
     def test_the_files_say_whose_they_are(self):
         oiio = pytest.importorskip("OpenImageIO")
@@ -179,13 +158,13 @@ class Files(Case):
             with self.subTest(limit=limit):
                 os.remove(self.at())
                 with limited(limit):
-                    self.refused(NAME, "File too large")
+                    self.bake_refused(NAME, "File too large")
                 self.assertEqual(os.listdir(self.folder), [])
                 # The file of before stays.
                 bpy.ops.vrtm.bake()
                 good = self.content()
                 with limited(limit):
-                    self.refused(NAME, "File too large")
+                    self.bake_refused(NAME, "File too large")
                 self.assertEqual(self.content(), good)
 
     def test_painted_tiles_that_find_no_room_are_no_maps(self):
@@ -198,5 +177,5 @@ class Files(Case):
                 arm.object.vrtm.rigidity_image = image
                 for limit in (0, 500, 5000):
                     with limited(limit), self.assertRaisesRegex(RuntimeError, "painted tiles cannot be read"):
-                        bpy.ops.vrtm.update()
-                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+                        self.update()
+                self.update()

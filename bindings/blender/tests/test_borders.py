@@ -3,7 +3,7 @@
 import numpy as np
 
 import test_dilate
-from support import Case, bpy, delta, mesh_object, part, rgba, select
+from support import Case, add_mesh, bpy, delta, each, part, select
 
 
 class Borders(Case):
@@ -13,13 +13,18 @@ class Borders(Case):
         arm = self.scene()
         arm.object.vrtm.property_unset("seams")
         # A stud on the seam, besides.
-        at = (np.arange(arm.size) + 0.5) / arm.size
-        arm.painted[1001][np.hypot(at[None] - 0.4, at[:, None] - 0.04) < 0.04] = 1
-        arm.object.vrtm.rigidity_image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+        self.dot(arm, (0.4, 0.04))
         bpy.ops.vrtm.set_up_material()
         if dilated:
             bpy.ops.vrtm.dilate()
         return arm
+
+    def dot(self, arm, *centres):
+        """Paints discs, too."""
+        at = (np.arange(arm.size) + 0.5) / arm.size
+        for u, v in centres:
+            arm.painted[1001][np.hypot(at[None] - u, at[:, None] - v) < 0.04] = 1
+        arm.repaint()
 
     def solved(self, arm, **settings):
         asset = arm.asset()
@@ -29,13 +34,8 @@ class Borders(Case):
         return asset
 
     def check_solved(self, arm, **settings):
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertSame(delta(arm.object), arm.delta(self.solved(arm, **settings)))
-
-    def texture(self, arm):
-        node = arm.object.data.materials[0].node_tree.nodes.new("ShaderNodeTexImage")
-        node.image = bpy.data.images.new("new", 8, 8)
-        bpy.ops.vrtm.set_up_material()
 
     def test_dilated_textures_go_on(self):
         arm = self.arm()
@@ -52,14 +52,11 @@ class Borders(Case):
         settings = arm.object.vrtm
         settings.seams = "shut"
         said = "1 feature on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIn(said, self.shown(arm.object))
         # More of them, of which two touch the other side of the seam alone, and what is elsewhere.
-        at, image = (np.arange(arm.size) + 0.5) / arm.size, settings.rigidity_image
-        for u, v in ((0.1, 0.04), (0.55, 0.96), (0.9, 0.97), (0.7, 0.5)):
-            arm.painted[1001][np.hypot(at[None] - u, at[:, None] - v) < 0.04] = 1
-        image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
-        bpy.ops.vrtm.update()
+        self.dot(arm, (0.1, 0.04), (0.55, 0.96), (0.9, 0.97), (0.7, 0.5))
+        self.update()
         self.assertIn(said.replace("1 feature", "4 features"), self.shown(arm.object))
         settings.seams = "auto"
         self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
@@ -67,25 +64,29 @@ class Borders(Case):
         self.check_solved(arm, seams="continue", open_borders="slide")
         self.assertFalse([text for text in self.shown(arm.object) if "on seams" in text])
 
-    def test_what_is_set_by_hand_is_obeyed(self):
-        for given, expected in (
+    @each(
+        "given, expected",
+        (
             ({"seams": "shut"}, ("shut", "fixed")),
             ({"seams": "continue"}, ("continue", "fixed")),
             ({"open_borders": "fixed"}, ("continue", "fixed")),
             ({"seams": "keep", "open_borders": "slide"}, ("keep", "slide")),
-        ):
-            self.setUp()
-            arm = self.arm(dilated=False)
-            for name, value in given.items():
-                setattr(arm.object.vrtm, name, value)
-            bpy.ops.vrtm.dilate()
-            found = part("borders").chosen(arm.object)
-            self.assertEqual((found.seams, found.open_borders), expected)
-            self.assertEqual(bool(found.why), "seams" not in given)
+        ),
+    )
+    def test_what_is_set_by_hand_is_obeyed(self, given, expected):
+        arm = self.arm(dilated=False)
+        for name, value in given.items():
+            setattr(arm.object.vrtm, name, value)
+        bpy.ops.vrtm.dilate()
+        found = part("borders").chosen(arm.object)
+        self.assertEqual((found.seams, found.open_borders), expected)
+        self.assertEqual(bool(found.why), "seams" not in given)
 
     def test_the_better_one_where_a_texture_is_not_dilated(self):
         arm = self.arm()
-        self.texture(arm)
+        node = arm.object.data.materials[0].node_tree.nodes.new("ShaderNodeTexImage")
+        node.image = bpy.data.images.new("new", 8, 8)
+        bpy.ops.vrtm.set_up_material()
         reports = {seams: self.solved(arm, seams=seams).tiles[0].report() for seams in ("shut", "keep")}
         better, why = part("session").library("vrtm.borders").kept_or_shut(lambda seams: [reports[seams]])
         self.check_solved(arm, seams=better)
@@ -99,7 +100,7 @@ class Borders(Case):
 
     def test_nothing_slides_where_another_mesh_begins(self):
         arm = self.arm(dilated=False)
-        hand = mesh_object("hand", arm.rest()[-24:])
+        hand = add_mesh("hand", arm.rest()[-24:])
         select(arm.object)
         for apart in (1, 0):
             hand.location = (0, 0, apart)

@@ -24,10 +24,11 @@ def build():
 
 
 class Build(unittest.TestCase):
-    def wheel(self, folder):
+    def wheel(self):
+        """That of the archive, in a folder that the test's end removes."""
         with zipfile.ZipFile(ARCHIVE) as archive:
             name = next(name for name in archive.namelist() if name.endswith(".whl"))
-            path = Path(folder) / Path(name).name
+            path = Path(self.enterContext(tempfile.TemporaryDirectory()), Path(name).name)
             path.write_bytes(archive.read(name))
         return path
 
@@ -39,12 +40,11 @@ class Build(unittest.TestCase):
         self.assertEqual(found.returncode, 0, found.stdout + found.stderr)
 
     def test_the_same_inputs_make_the_same_bytes(self):
-        with tempfile.TemporaryDirectory() as folder:
-            wheel = self.wheel(folder)
-            first = build().pack(wheel)
-            os.utime(wheel, (0, 0))
-            self.assertEqual(first, build().pack(wheel))
-            self.assertEqual(first[1], ARCHIVE.read_bytes())
+        wheel = self.wheel()
+        first = build().pack(wheel)
+        os.utime(wheel, (0, 0))
+        self.assertEqual(first, build().pack(wheel))
+        self.assertEqual(first[1], ARCHIVE.read_bytes())
 
     def test_the_manifest_names_wheel_and_platform(self):
         with zipfile.ZipFile(ARCHIVE) as archive:
@@ -68,48 +68,44 @@ class Build(unittest.TestCase):
             self.assertEqual(platforms_of(Path(f"vrtm-0.1.0-py3-none-{tag}.whl")), expected)
 
     def test_wrong_wheels_are_refused(self):
-        tool = build()
-        with tempfile.TemporaryDirectory() as folder:
-            wheel = self.wheel(folder)
-            for name, word in (
-                ("vrtm-0.1.0-cp311-cp311-linux_x86_64.whl", "one version of Python only"),
-                ("vrtm-0.1.0-py3-none-any.whl", "none of Blender's platforms"),
-                ("vrtm.whl", "not that of a wheel"),
-                ("vrtm-0.1.0-py3-none-win_amd64.whl", "is no library for win_amd64"),
-                ("vrtm-0.1.0-py3-none-manylinux_2_36_aarch64.whl", "is no library for manylinux_2_36_aarch64"),
-            ):
-                other = Path(folder) / name
-                other.write_bytes(wheel.read_bytes())
-                with self.assertRaisesRegex(tool.Refused, word):
-                    tool.pack(other)
+        tool, wheel = build(), self.wheel()
+        for name, word in (
+            ("vrtm-0.1.0-cp311-cp311-linux_x86_64.whl", "one version of Python only"),
+            ("vrtm-0.1.0-py3-none-any.whl", "none of Blender's platforms"),
+            ("vrtm.whl", "not that of a wheel"),
+            ("vrtm-0.1.0-py3-none-win_amd64.whl", "is no library for win_amd64"),
+            ("vrtm-0.1.0-py3-none-manylinux_2_36_aarch64.whl", "is no library for manylinux_2_36_aarch64"),
+        ):
+            other = wheel.with_name(name)
+            other.write_bytes(wheel.read_bytes())
+            with self.assertRaisesRegex(tool.Refused, word):
+                tool.pack(other)
 
-            def edited(change):
-                """The wheel with some files changed or left out."""
-                path = Path(folder) / "edited" / wheel.name
-                path.parent.mkdir(exist_ok=True)
-                with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(path, "w") as new:
-                    for name in old.namelist():
-                        data = change(name, old.read(name))
-                        if data is not None:
-                            new.writestr(name, data)
-                return path
+        def edited(change):
+            """The wheel with some files changed or left out."""
+            path = wheel.parent / "edited" / wheel.name
+            path.parent.mkdir(exist_ok=True)
+            with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(path, "w") as new:
+                for name in old.namelist():
+                    data = change(name, old.read(name))
+                    if data is not None:
+                        new.writestr(name, data)
+            return path
 
-            def metadata(old, new):
-                return lambda name, data: data.replace(old, new) if name.endswith("METADATA") else data
+        def metadata(old, new):
+            return lambda name, data: data.replace(old, new) if name.endswith("METADATA") else data
 
-            for change, word in (
-                (metadata(b"Version: ", b"Version: 9"), "takes vrtm"),
-                (metadata(b"Requires-Dist: numpy", b"Requires-Dist: scipy"), "it needs scipy"),
-                (lambda name, data: None if tool.LIBRARY.search(name) else data, "no library in it"),
-                (lambda name, data: b"\x7fELF" if tool.LIBRARY.search(name) else data, "is no library for"),
-            ):
-                with self.assertRaisesRegex(tool.Refused, word):
-                    tool.pack(edited(change))
-            broken = Path(folder) / "broken" / wheel.name
-            broken.parent.mkdir()
-            broken.write_bytes(b"no archive")
-            with self.assertRaisesRegex(tool.Refused, "not a zip"):
-                tool.pack(broken)
+        for change, word in (
+            (metadata(b"Version: ", b"Version: 9"), "takes vrtm"),
+            (metadata(b"Requires-Dist: numpy", b"Requires-Dist: scipy"), "it needs scipy"),
+            (lambda name, data: None if tool.LIBRARY.search(name) else data, "no library in it"),
+            (lambda name, data: b"\x7fELF" if tool.LIBRARY.search(name) else data, "is no library for"),
+        ):
+            with self.assertRaisesRegex(tool.Refused, word):
+                tool.pack(edited(change))
+        wheel.write_bytes(b"no archive")
+        with self.assertRaisesRegex(tool.Refused, "not a zip"):
+            tool.pack(wheel)
 
     def test_the_wheel_is_installed_with_it(self):
         start()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from support import Arm, Case, bpy, part, pixels, tiled
+from support import Arm, Case, add_texture, bpy, fill, node_of, part, picture, pixels, tiled
 
 SIZE = 128
 
@@ -18,18 +18,19 @@ def content(size, inside_only=True):
 
 
 class Dilate(Case):
-    def arm(self, tiles=1, folder=None):
+    def arm(self, tiles=1, folder=None, dilated=False):
         arm = Arm.with_studs(tiles=tiles)
         arm.texture = arm.add_material(albedo=self.image(folder, tiles))
         arm.object.vrtm.seams = "continue"
         bpy.context.scene.frame_set(4)
+        if dilated:
+            bpy.ops.vrtm.set_up_material()
+            bpy.ops.vrtm.dilate()
         return arm
 
     def image(self, folder, tiles):
         if folder is None:
-            image = bpy.data.images.new("skin", SIZE, SIZE, float_buffer=False)
-            image.pixels.foreach_set(content(SIZE).ravel())
-            return image
+            return picture("skin", content(SIZE))
         image = tiled(folder, "skin", dict.fromkeys(range(1001, 1001 + tiles), content(SIZE)))
         image.name = "skin"
         return image
@@ -48,8 +49,7 @@ class Dilate(Case):
     def test_a_copy_has_what_lies_beyond_the_seam(self):
         arm = self.arm()
         original = arm.texture.image
-        with self.assertRaisesRegex(RuntimeError, "set the material up first"):
-            bpy.ops.vrtm.dilate()
+        self.refused("set the material up first", bpy.ops.vrtm.dilate)
         bpy.ops.vrtm.set_up_material()
         said = "Textures end at seams: press Dilate Textures"
         self.assertIn(said, self.shown(arm.object))
@@ -64,7 +64,7 @@ class Dilate(Case):
         # Painted over, and pressed again: one copy, of the new picture.
         values = content(SIZE)
         values[..., 2] = 0.75
-        original.pixels.foreach_set(values.ravel())
+        fill(original, values)
         bpy.ops.vrtm.dilate()
         self.assertAlmostEqual(float(pixels(arm.texture.image)[2, 60, 2]), 0.75, delta=0.01)
         self.assertEqual([image.name for image in bpy.data.images if image.vrtm_original], ["skin dilated"])
@@ -73,18 +73,16 @@ class Dilate(Case):
         copy = bpy.data.images["skin dilated"]
         self.assertAlmostEqual(float(pixels(copy)[2, 60, 2]), 0.75, delta=0.01)
         bpy.ops.vrtm.clear_material()
-        node = next(n for n in bpy.data.materials["skin"].node_tree.nodes if n.bl_idname == "ShaderNodeTexImage")
+        node = node_of(bpy.data.materials["skin"].node_tree, "ShaderNodeTexImage")
         self.assertEqual(node.image.name, "skin")
         self.assertNotIn("skin dilated", bpy.data.images)
 
     def test_what_is_painted_on_a_copy_is_kept(self):
-        arm = self.arm()
-        bpy.ops.vrtm.set_up_material()
-        bpy.ops.vrtm.dilate()
+        arm = self.arm(dilated=True)
         copy = arm.texture.image
         values = pixels(copy)
         values[60, 60] = (1, 1, 1, 1)
-        copy.pixels.foreach_set(values.ravel())
+        fill(copy, values)
         # Packed again, as when the file is saved: no longer marked as changed.
         copy.pack()
         self.assertFalse(copy.is_dirty)
@@ -98,13 +96,11 @@ class Dilate(Case):
     def test_it_is_all_or_nothing(self):
         arm = self.arm()
         tree = arm.object.data.materials[0].node_tree
-        missing = tree.nodes.new("ShaderNodeTexImage")
-        missing.image = bpy.data.images.new("gone", 8, 8)
-        missing.image.source, missing.image.filepath = "FILE", "/nowhere/gone.png"
+        gone = tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("gone", 8, 8)
+        gone.source, gone.filepath = "FILE", "/nowhere/gone.png"
         bpy.ops.vrtm.set_up_material()
         before = arm.texture.image
-        with self.assertRaisesRegex(RuntimeError, "'gone' has no pixels"):
-            bpy.ops.vrtm.dilate()
+        self.refused("'gone' has no pixels", bpy.ops.vrtm.dilate)
         self.assertEqual(arm.texture.image, before)
         self.assertFalse([image.name for image in bpy.data.images if "dilated" in image.name])
 
@@ -112,18 +108,12 @@ class Dilate(Case):
         """Floats are linear in memory; directions of a map in tangent space stay where the surface does not turn."""
         arm = self.arm()
         tree = arm.object.data.materials[0].node_tree
-        image = bpy.data.images.new("bumps", SIZE, SIZE, float_buffer=True)
-        image.colorspace_settings.name = "Non-Color"
         inside = content(SIZE)[..., 2:3] < 0.5
         values = np.where(inside, (0.68, 0.74, 0.9, 1), (0.5, 0.5, 1, 1)).astype(np.float32)
-        image.pixels.foreach_set(values.ravel())
-        node, bump = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeNormalMap")
-        reroute = tree.nodes.new("NodeReroute")
-        node.image = image
-        tree.links.new(node.outputs["Color"], reroute.inputs[0])
+        bump, reroute = tree.nodes.new("ShaderNodeNormalMap"), tree.nodes.new("NodeReroute")
+        node = add_texture(picture("bumps", values, float_buffer=True, is_data=True), reroute.inputs[0])
         tree.links.new(reroute.outputs[0], bump.inputs["Color"])
-        arm.texture.image = bpy.data.images.new("linear", SIZE, SIZE, float_buffer=True)
-        arm.texture.image.pixels.foreach_set(content(SIZE).ravel())
+        arm.texture.image = picture("linear", content(SIZE), float_buffer=True)
         # Only a map in tangent space is turned, also behind a Reroute; this one's surface does not turn.
         holds_normals = part("dilate")._holds_normals
         self.assertEqual((holds_normals(node), holds_normals(arm.texture)), (True, False))
@@ -139,9 +129,7 @@ class Dilate(Case):
 
     def test_tiles(self):
         folder = self.scratch()
-        arm = self.arm(2, folder)
-        bpy.ops.vrtm.set_up_material()
-        bpy.ops.vrtm.dilate()
+        arm = self.arm(2, folder, dilated=True)
         copy = arm.texture.image
         self.assertEqual((copy.source, [tile.number for tile in copy.tiles]), ("TILED", [1001, 1002]))
         self.reopened(folder)

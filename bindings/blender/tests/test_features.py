@@ -6,7 +6,7 @@ from unittest import mock
 import numpy as np
 
 import test_layers
-from support import Arm, Case, bpy, delta, part, sampled, uv_layer
+from support import Arm, Case, bpy, delta, displace, each, evaluated, part, sampled, uv_layer
 
 # Dots across a tile, and the radius of each in UV.
 ACROSS, RADIUS = 10, 0.04
@@ -21,10 +21,9 @@ class Features(Case):
         arm.painted[1001] = rigid * np.clip((RADIUS - distance) * arm.size + 0.5, 0, 1).astype(np.float32)
         arm.paint_image()
         for obj in (arm.object, arm.rig):
-            obj.scale, obj.location, obj.rotation_euler = (1.7, 1.7, 1.7), (0.3, -1, 2), (0.2, 0.1, 0.7)
+            displace(obj)
         arm.object.vrtm.harm, arm.object.vrtm.measure = harm, True
-        bpy.context.scene.frame_set(5)
-        self.update()
+        self.update(5)
         return arm
 
     def test_they_are_counted_over_all_tiles(self):
@@ -46,25 +45,22 @@ class Features(Case):
         # Many of them take the tick away, and a few do not.
         for numbers, icon in (({}, "INFO"), ({"painted": 19, "worse": 1}, "INFO"), ({"painted": 20}, "CHECKMARK")):
             state.features = dataclasses.replace(state.features, **numbers)
-            line = part("status").headline(arm.object, bpy.context.scene)
-            self.assertEqual((line.text, line.icon), ("Up to date", icon))
+            self.assertEqual(self.line(arm.object), ("Up to date", icon))
         self.assertIn("1 of 20 features is worse than without vrtm", self.notes(arm.object))
         # A material by UV map shows other features than those that were counted.
         arm.add_material()
         bpy.ops.vrtm.set_up_material(by="uv_map")
         self.assertNotIn("Worse", self.shown(arm.object))
 
-    def test_nothing_is_told_without_them(self):
-        for harm, rigid, measured, told in ((5, 1, True, "0 of 200 features"), (0, 1, False, None), (0, 0, True, None)):
-            with self.subTest(harm=harm, rigid=rigid, measured=measured):
-                self.setUp()
-                obj = self.crowd(harm, rigid).object
-                obj.vrtm.measure = measured
-                self.update()
-                self.assertEqual(dict(part("status").figures(obj)).get("Worse"), told)
-                self.assertNotIn("than without vrtm", self.notes(obj))
-                self.assertEqual(self.shown(obj).count("Show Worst Feature"), 1)
-                self.assertFalse(bpy.ops.vrtm.worst_feature.poll())
+    @each("harm, rigid, measured, told", ((5, 1, True, "0 of 200 features"), (0, 1, False, None), (0, 0, True, None)))
+    def test_nothing_is_told_without_them(self, harm, rigid, measured, told):
+        obj = self.crowd(harm, rigid).object
+        obj.vrtm.measure = measured
+        self.update()
+        self.assertEqual(dict(part("status").figures(obj)).get("Worse"), told)
+        self.assertNotIn("than without vrtm", self.notes(obj))
+        self.assertEqual(self.shown(obj).count("Show Worst Feature"), 1)
+        self.assertFalse(bpy.ops.vrtm.worst_feature.poll())
 
     def test_the_view_is_turned_to_one_after_another(self):
         from mathutils.interpolate import poly_3d_calc
@@ -73,8 +69,8 @@ class Features(Case):
         obj, worst = arm.object, part("states").find_state(arm.object).features.worst
         rises = [one.of.after - one.of.before for one in worst]
         self.assertEqual((rises, min(rises) > 0.02), (sorted(rises, reverse=True), True))
-        evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        matrix, mesh, own, moved = evaluated.matrix_world, evaluated.data, uv_layer(arm.mesh, "UVMap"), []
+        seen = evaluated(obj)
+        matrix, mesh, own, moved = seen.matrix_world, seen.data, uv_layer(arm.mesh, "UVMap"), []
         [area] = part("session").areas("VIEW_3D")
         view = area.spaces.active.region_3d
         view.view_perspective = "CAMERA"
@@ -83,7 +79,7 @@ class Features(Case):
             self.assertEqual(view.view_perspective, "PERSP")
             # The place is on the surface, and its texture is the centre of the feature.
             point = matrix.inverted() @ view.view_location
-            _, on, normal, index = evaluated.closest_point_on_mesh(point)
+            _, on, normal, index = seen.closest_point_on_mesh(point)
             self.assertLess((on - point).length, 1e-4)
             face = mesh.polygons[index]
             weights = np.array(poly_3d_calc([mesh.vertices[vertex].co for vertex in face.vertices], point))

@@ -5,16 +5,25 @@ import os
 
 import numpy as np
 
-from support import Arm, Case, asset_of, bpy, in_file, nodes_of, part, pixels, rgba, studs
+from support import Arm, Case, add_texture, asset_of, bpy, in_file, nodes_of, part, picture, pixels, select, studs
+
+
+def overridden(path, name):
+    """An object of another file, overridden in this one, at frame 5."""
+    with bpy.data.libraries.load(path, link=True) as (_, into):
+        into.objects, into.images = [name], ["rigidity"]
+    obj = into.objects[0].override_create()
+    bpy.context.collection.objects.link(obj)
+    select(obj)
+    bpy.context.scene.frame_set(5)
+    assert obj.library is None and obj.data.library is not None
+    return obj
 
 
 class LinkedCase(Case):
     def setUp(self):
         super().setUp()
         self.folder = self.scratch()
-
-    def at(self, name):
-        return os.path.join(self.folder, name)
 
     def character(self, prepare=lambda arm: None, keep=False):
         """A character in a file of its own, linked into another one and overridden, and the result of frame 5; what was
@@ -23,13 +32,8 @@ class LinkedCase(Case):
         material = bpy.data.materials.new("skin")
         inner = bpy.data.node_groups.new("skin group", "ShaderNodeTree")
         inner.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
-        texture, out = inner.nodes.new("ShaderNodeTexImage"), inner.nodes.new("NodeGroupOutput")
-        texture.image = bpy.data.images.new("albedo", 64, 64)
-        texture.image.pixels.foreach_set(rgba(studs(64)).ravel())
-        texture.image.pack()
-        inner.links.new(texture.outputs["Color"], out.inputs[0])
-        tree = nodes_of(material)
-        tree.nodes.new("ShaderNodeGroup").node_tree = inner
+        add_texture(picture("albedo", studs(64)), inner.nodes.new("NodeGroupOutput").inputs[0]).image.pack()
+        nodes_of(material).nodes.new("ShaderNodeGroup").node_tree = inner
         arm.mesh.materials.append(material)
         arm.paint_image().pack()
         prepare(arm)
@@ -41,28 +45,10 @@ class LinkedCase(Case):
             arm.object.vrtm.property_unset("rigidity_image")
             arm.object.vrtm.property_unset("rigidity_source")
         bpy.data.images["rigidity"].use_fake_user = True
-        bpy.ops.wm.save_as_mainfile(filepath=self.at("character.blend"))
+        path = os.path.join(self.folder, "character.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
         super().setUp()
-        return self.overridden("arm"), delta
-
-    def overridden(self, name):
-        """An object of the character's file, overridden in this one."""
-        with bpy.data.libraries.load(self.at("character.blend"), link=True) as (_, into):
-            into.objects, into.images = [name], ["rigidity"]
-        linked = into.objects[0]
-        obj = linked.override_create()
-        bpy.context.collection.objects.link(obj)
-        bpy.context.view_layer.objects.active = obj
-        obj.select_set(True)
-        bpy.context.scene.frame_set(5)
-        self.assertIsNone(obj.library)
-        self.assertIsNotNone(obj.data.library)
-        return obj
-
-    def opened_again(self):
-        bpy.ops.wm.save_as_mainfile(filepath=self.at("shot.blend"))
-        bpy.ops.wm.open_mainfile(filepath=self.at("shot.blend"))
-        return next(obj for obj in bpy.data.objects if obj.override_library)
+        return overridden(path, "arm"), delta
 
     def untouched(self, obj):
         """Nothing of the linked data has changed."""
@@ -103,7 +89,7 @@ class Linked(LinkedCase):
         self.assertIn("The mesh is linked from another file: the result is an image alone", shown)
         # Saved and opened, all of it is there.
         settings.harm = 0.5
-        obj = self.opened_again()
+        obj = self.reopened(self.folder)
         settings, [slot] = obj.vrtm, obj.material_slots
         self.assertEqual((settings.rigidity_image.name, settings.live, settings.harm), ("rigidity", True, 0.5))
         self.assertEqual((slot.link, slot.material.library), ("OBJECT", None))
@@ -119,6 +105,10 @@ class Linked(LinkedCase):
         # The texture is white where studs are.
         self.assertGreater(np.corrcoef(pixels(image)[..., 0].ravel(), studs(64).ravel())[0, 1], 0.9)
         self.untouched(obj)
+        # The linked object itself is not for buttons.
+        linked = obj.override_library.reference
+        with bpy.context.temp_override(object=linked, active_object=linked):
+            self.assertFalse(bpy.ops.vrtm.set_up.poll())
 
     def test_a_character_that_was_set_up_in_its_own_file(self):
         def prepared(arm):
@@ -126,7 +116,7 @@ class Linked(LinkedCase):
             arm.object.vrtm.live = False
 
         obj, delta = self.character(prepared, keep=True)
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         # The result is the shot's own, which the linked material does not show.
         self.assertIsNone(obj.vrtm.image.library)
         shown = self.shown(obj)
@@ -142,10 +132,9 @@ class Linked(LinkedCase):
         obj, _ = self.character()
         bpy.ops.vrtm.set_up()
         obj.vrtm.strain, obj.vrtm.write_strain = "AFTER", True
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         self.assertIn("Up to date", self.shown(obj))
-        with self.assertRaisesRegex(RuntimeError, "cannot take a UV map: press Set Up by Image"):
-            bpy.ops.vrtm.set_up_material(by="uv_map")
+        self.refused("cannot take a UV map: press Set Up by Image", bpy.ops.vrtm.set_up_material, by="uv_map")
         self.untouched(obj)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         self.assertFalse(obj.vrtm.is_set_up)
@@ -164,22 +153,15 @@ class Linked(LinkedCase):
         for frame in (3, 2, 3):
             scene.frame_set(frame)
             self.assertEqual(bpy.ops.vrtm.capture_rest(), {"FINISHED"})
-            scene.frame_set(5)
-            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            self.update(5)
             self.assertIn(f"Captured at frame {frame}", self.shown(obj))
             self.assertEqual(np.array_equal(pixels(settings.image)[..., :2], expected), frame == 3)
             self.assertEqual([mesh.name for mesh in bpy.data.meshes if mesh.library is None], ["vrtm arm rest"])
         self.untouched(obj)
         settings.live = False
-        obj = self.opened_again()
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        obj = self.reopened(self.folder)
+        self.update()
         self.assertSame(pixels(obj.vrtm.image)[..., :2], expected)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         self.assertFalse([mesh.name for mesh in bpy.data.meshes if mesh.library is None])
         self.untouched(obj)
-
-    def test_a_linked_object_is_not_for_buttons(self):
-        obj, _ = self.character()
-        linked = obj.override_library.reference
-        with bpy.context.temp_override(object=linked, active_object=linked):
-            self.assertFalse(bpy.ops.vrtm.set_up.poll())

@@ -8,7 +8,7 @@ import numpy as np
 
 import test_layers
 import test_linked
-from support import bpy, part, pixels
+from support import bpy, evaluated, part, pixels
 from test_render import render
 
 
@@ -20,12 +20,10 @@ class LinkedLayers(test_linked.LinkedCase):
 
     def seen_layers(self, obj):
         """The layer of each face, as the material reads it."""
-        attributes = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.attributes
-        found = attributes.get("vrtm_layer")
-        if found is None:
-            return None
-        self.assertEqual((found.domain, found.data_type), ("FACE", "INT"))
-        return part("geometry").read(found.data, "value", 1, np.int32)
+        found = evaluated(obj).data.attributes.get("vrtm_layer")
+        if found is not None:
+            self.assertEqual((found.domain, found.data_type), ("FACE", "INT"))
+        return test_layers.attribute(evaluated(obj))
 
     def test_islands_over_islands_have_layers(self):
         obj, _ = self.character(self.stacked)
@@ -33,9 +31,10 @@ class LinkedLayers(test_linked.LinkedCase):
         self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
         rest = part("geometry").positions(obj.data)
         deltas, faces = self.expected(obj, rest, max_layers=32)
+        faces = faces.astype(np.int32)
 
         def check(obj):
-            self.assertSame(self.seen_layers(obj), faces.astype(np.int32))
+            self.assertSame(self.seen_layers(obj), faces)
             for image, delta in zip(part("layers").images_of(obj.vrtm.image), deltas, strict=True):
                 self.assertLess(np.abs(pixels(image)[..., :2] - delta).max(), 1e-4)
             self.assertIn("Up to date", self.shown(obj))
@@ -47,14 +46,14 @@ class LinkedLayers(test_linked.LinkedCase):
         self.assertEqual(node.attribute_name, "vrtm_layer")
         # It stands in front of what makes other faces, also if that was there before.
         settings.overlaps = "fixed"
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         self.assertIsNone(self.seen_layers(obj))
         self.assertFalse([image.name for image in bpy.data.images if "layer" in image.name])
         obj.modifiers.new("it", "SUBSURF").levels = 1
         self.assertEqual(bpy.ops.vrtm.insert_tap(), {"FINISHED"})
         settings.overlaps = "each"
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        self.assertSame(self.seen_layers(obj), np.repeat(faces, 4).astype(np.int32))
+        self.update()
+        self.assertSame(self.seen_layers(obj), np.repeat(faces, 4))
         self.assertIsNone(part("results").missing(obj))
         made = part("layer_nodes").GROUP.modifier_of(obj)
         for lose in (
@@ -64,24 +63,24 @@ class LinkedLayers(test_linked.LinkedCase):
         ):
             lose()
             self.assertIn("tells layers apart is not there", part("results").missing(obj))
-            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            self.update()
             self.assertIsNone(part("results").missing(obj))
-            self.assertSame(self.seen_layers(obj), np.repeat(faces, 4).astype(np.int32))
+            self.assertSame(self.seen_layers(obj), np.repeat(faces, 4))
             self.assertEqual(len([image for image in bpy.data.images if "layers" in image.name]), 1)
         for name in ("it", "vrtm pose"):
             obj.modifiers.remove(obj.modifiers[name])
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         # As of many faces, in several rows.
         layer_nodes = part("layer_nodes")
         with mock.patch.object(layer_nodes, "WIDTH", 64):
             layer_nodes.insert(obj, "vrtm_layer", faces, layer_nodes.stamp_of(obj))
-        self.assertSame(self.seen_layers(obj), faces.astype(np.int32))
+        self.assertSame(self.seen_layers(obj), faces)
         # Saved and opened, without a solve.
         settings.live = False
-        obj = self.opened_again()
-        self.assertSame(self.seen_layers(obj), faces.astype(np.int32))
+        obj = self.reopened(self.folder)
+        self.assertSame(self.seen_layers(obj), faces)
         self.assertIsNone(part("results").missing(obj))
-        bpy.ops.vrtm.update()
+        self.update()
         check(obj)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         self.assertIsNone(self.seen_layers(obj))
@@ -90,36 +89,17 @@ class LinkedLayers(test_linked.LinkedCase):
 
 
 class Pictures(test_layers.SheetsScene):
-    def local(self):
-        """The sheets with their material, not set up yet."""
-        obj = test_layers.Sheets().object
-        texture = self.material(obj)[1]
-        texture.interpolation = "Closest"
-        texture.image.pack()
-        self.view()
-        return obj
-
-    def view(self):
-        self.camera((0, 0.6), 2.8)
-
     def test_it_looks_as_a_local_object_does(self):
         folder = self.scratch()
         path, scene = os.path.join(folder, "character.blend"), bpy.context.scene
-        self.local()
+        self.sheets(by=None)
         bpy.ops.wm.save_as_mainfile(filepath=path)
         self.assertEqual(bpy.ops.vrtm.set_up_material(by="image"), {"FINISHED"})
         expected = render()
         self.setUp()
-        self.view()
-        with bpy.data.libraries.load(path, link=True) as (_, into):
-            into.objects = ["sheets"]
-        obj, scene = into.objects[0].override_create(), bpy.context.scene
-        scene.collection.objects.link(obj)
-        bpy.context.view_layer.objects.active = obj
-        obj.select_set(True)
-        scene.frame_set(5)
+        self.camera((0, 0.6), 2.8)
+        obj, scene = test_linked.overridden(path, "sheets"), bpy.context.scene
         self.assertEqual(bpy.ops.vrtm.set_up_material(by="image"), {"FINISHED"})
-        self.assertIsNotNone(obj.data.library)
         self.assertLooksLike(render(), expected)
         # The frame that is rendered is the first to hear of a setting; the shape key is animated.
         obj.vrtm.live = False

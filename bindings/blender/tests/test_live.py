@@ -6,25 +6,22 @@ from unittest import mock
 
 import numpy as np
 
-from support import Arm, Case, bpy, delta, part, pixels, poll_until, rgba
+from support import Arm, Case, bpy, delta, fill, part, pixels, poll_until
 
 
 class Live(Case):
     def setUp(self):
         super().setUp()
-        self.live, self.session = part("live"), part("session")
-        self.states = part("states")
-        self.session.live_in_background = True
+        self.live, self.states = part("live"), part("states")
+        part("session").live_in_background = True
 
     def patch(self, owner, name, value):
         self.enterContext(mock.patch.object(owner, name, value))
 
     def followed(self):
         """An arm with the result of frame 2, and a gate: while it is shut, no job ends that is not cancelled."""
-        arm = Arm.with_studs()
-        arm.object.vrtm.live = True
-        bpy.context.scene.frame_set(2)
-        self.idle()
+        arm = Arm.with_studs(live=True)
+        self.idle(2)
         work, gate = part("work").Work, threading.Event()
         tell = work._tell
 
@@ -37,42 +34,20 @@ class Live(Case):
         self.addCleanup(gate.set)
         return arm, gate
 
-    def test_frames_and_poses_are_followed(self):
-        arm = Arm.with_studs()
-        arm.object.vrtm.live = True
-        self.assertTrue(bpy.app.timers.is_registered(self.live.poll))
-        asset = arm.asset()
-        for frame in (2, 5):
-            bpy.context.scene.frame_set(frame)
-            # Nothing is written by the handler itself.
-            self.assertTrue(self.states.find_state(arm.object).wanted)
-            self.idle()
-            self.check(arm, asset)
-        # A pose that is edited, without a key.
-        arm.rig.pose.bones["lower"].rotation_euler[2] = 0.7
-        bpy.context.view_layer.update()
-        self.assertTrue(self.states.find_state(arm.object).wanted)
-        self.idle()
-        self.check(arm, asset)
-
     def test_own_writes_are_not_followed(self):
-        arm = Arm.with_studs()
-        arm.object.vrtm.live = True
-        bpy.context.scene.frame_set(3)
-        self.idle()
+        arm = Arm.with_studs(live=True)
+        self.idle(3)
         state = self.states.find_state(arm.object)
         written = state.shown
         read, reads = self.live.solve.read, []
         self.patch(self.live.solve, "read", lambda *a: reads.append(a) or read(*a))
         for _ in range(5):
             # What the writes have caused was heard of while they were made.
-            bpy.context.view_layer.update()
             self.idle()
         self.assertEqual((reads, state.fresh), ([], True))
         # An edit that changes nothing is looked at, and not solved again.
         self.patch(self.live, "Work", None)
         arm.mesh.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         self.assertEqual((len(reads), state.shown, state.error), (1, written, False))
         self.assertTrue(state.fresh)
@@ -114,8 +89,7 @@ class Live(Case):
         # A solve that is as quick as a frame is no draft.
         self.patch(self.live, "REST", 1e9)
         self.patch(self.live, "FRAME", 1e9)
-        scene.frame_set(3)
-        self.idle()
+        self.idle(3)
         self.check(arm)
         self.live.FRAME = 0
         for frame in (4, 5):
@@ -162,59 +136,57 @@ class Live(Case):
         self.assertEqual((state.inputs.mesh, state.inputs.maps), (None, None))
         shown, painted = state.shown, pixels(image)
         # The job has other maps in the asset when it is cancelled; and then the maps are those of what is shown.
-        image.pixels.foreach_set(np.ones_like(painted).ravel())
+        fill(image, np.ones_like(painted))
         image.update_tag()
         bpy.context.view_layer.update()
         poll_until(lambda: state.job is not None and state.job.applied)
         settings.live = False
         poll_until(lambda: state.job is None)
         gate.set()
-        image.pixels.foreach_set(painted.ravel())
+        fill(image, painted)
         image.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         self.assertEqual((state.shown, state.fresh), (shown, True))
-        bpy.context.scene.frame_set(3)
-        bpy.ops.vrtm.update()
+        self.update(3)
         self.check(arm)
         settings.live = True
-        bpy.context.scene.frame_set(4)
-        self.idle()
+        self.idle(4)
         self.check(arm)
 
-    def test_two_objects_at_once(self):
-        one, two = Arm("one"), Arm("two")
-        for arm in (one, two):
-            arm.paint_image(arm.object.name)
-            arm.object.vrtm.live = True
+    def test_frames_and_poses_of_two_objects_are_followed(self):
+        one, two = Arm.with_studs("one", live=True), Arm.with_studs("two", live=True)
+        self.assertTrue(bpy.app.timers.is_registered(self.live.poll))
         two.rig.animation_data_clear()
-        two.rig.pose.bones["lower"].rotation_euler[2] = 0.4
-        bpy.context.scene.frame_set(5)
-        self.idle()
-        self.check(one)
-        self.check(two)
+        bend = two.rig.pose.bones["lower"].rotation_euler
+        for step in (
+            lambda: bpy.context.scene.frame_set(2),
+            lambda: bpy.context.scene.frame_set(5),
+            # A pose that is edited, without a key.
+            lambda: bend.__setitem__(2, 0.7),
+        ):
+            step()
+            bpy.context.view_layer.update()
+            # Nothing is written by the handler itself.
+            self.assertTrue(self.states.find_state(two.object).wanted)
+            self.idle()
+            self.check(one)
+            self.check(two)
         self.assertNotEqual(one.object.vrtm.image, two.object.vrtm.image)
 
     def test_paint_is_followed(self):
-        arm = Arm()
-        image = arm.paint_image()
-        arm.object.vrtm.live = True
-        bpy.context.scene.frame_set(5)
-        self.idle()
+        arm = Arm.with_studs(live=True)
+        self.idle(5)
         arm.painted[1001][40:70, 30:90] = 1
-        image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
-        image.update_tag()
-        bpy.context.view_layer.update()
+        arm.repaint()
+        arm.object.vrtm.rigidity_image.update_tag()
         self.idle()
         self.check(arm)
         # Strokes in Texture Paint mode come as updates of the object.
-        bpy.context.view_layer.objects.active = arm.object
         bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
         arm.painted[1001][:] = 0
         arm.painted[1001][20:50, 30:90] = 1
-        image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+        arm.repaint()
         arm.object.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
         bpy.ops.object.mode_set(mode="OBJECT")
         self.check(arm)
@@ -225,20 +197,13 @@ class Live(Case):
         group, number = obj.vertex_groups.new(name="stiff"), len(arm.mesh.vertices)
         group.add(list(range(0, number, 3)), 1.0, "REPLACE")
         settings.rigidity_source, settings.rigidity_name, settings.live = "VERTEX_GROUP", "stiff", True
-        bpy.context.scene.frame_set(5)
-        self.idle()
-        asset, weights = arm.asset(painted=False), np.zeros(number, np.float32)
-        weights[::3] = 1
-        asset.set_vertex_rigidity(weights)
-        self.check(arm, asset)
-        bpy.context.view_layer.objects.active = obj
+        self.idle(5)
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
         group.add(list(range(1, number, 3)), 1.0, "REPLACE")
         arm.mesh.update_tag()
-        bpy.context.view_layer.update()
         self.idle()
-        weights[1::3] = 1
-        asset.set_vertex_rigidity(weights)
+        asset = arm.asset(painted=False)
+        asset.set_vertex_rigidity((np.arange(number) % 3 < 2).astype(np.float32))
         self.check(arm, asset)
         bpy.ops.object.mode_set(mode="OBJECT")
 
@@ -246,8 +211,7 @@ class Live(Case):
         arm = Arm.with_studs()
         settings = arm.object.vrtm
         settings.live = True
-        bpy.context.scene.frame_set(5)
-        self.idle()
+        self.idle(5)
         settings.grid = 64
         self.idle()
         asset = arm.asset()
@@ -260,9 +224,8 @@ class Live(Case):
         self.assertIsNone(self.live.poll())
 
     def test_problems_are_told_and_do_not_end_the_timer(self):
-        arm, shown = Arm(), []
+        arm, shown = Arm.with_studs(), []
         self.patch(part("messages"), "status", shown.append)
-        arm.paint_image()
         settings = arm.object.vrtm
         settings.rigidity_source, settings.rigidity_name = "VERTEX_GROUP", "nobody"
         settings.live = True

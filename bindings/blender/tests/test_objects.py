@@ -3,12 +3,12 @@
 import numpy as np
 
 import sample
-from support import Arm, Case, bpy, nodes_of, part, pixels, read, rgba, studs
+from support import Arm, Case, bpy, each, fill, nodes_of, part, picture, pixels, read, studs
 
 
 class Objects(Case):
-    def arm(self, name="arm"):
-        arm = Arm(name)
+    def arm(self, name="arm", kind=Arm):
+        arm = kind(name)
         arm.add_material()
         return arm
 
@@ -37,7 +37,6 @@ class Objects(Case):
         self.assertEqual(len(self.groups(arm.object)), 1)
         other = Arm("other")
         other.mesh.materials.append(plain)
-        bpy.context.view_layer.objects.active = other.object
         self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
         self.assertTrue(other.object.vrtm.live)
         # A material that is this object's and another's was not copied for nothing.
@@ -45,13 +44,11 @@ class Objects(Case):
 
     def test_one_click_takes_the_rigidity_that_is_there(self):
         arm = self.arm()
-        image = bpy.data.images.new("arm Rigidity mask", 128, 128)
-        image.pixels.foreach_set(rgba(studs(128)).ravel())
+        image = picture("arm Rigidity mask", studs(128))
         bpy.ops.vrtm.set_up()
         self.assertEqual(arm.object.vrtm.rigidity_image, image)
         # Without a material the rest is done.
         other = Arm("other")
-        bpy.context.view_layer.objects.active = other.object
         self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
         self.assertTrue(other.object.vrtm.live)
 
@@ -75,46 +72,41 @@ class Objects(Case):
         settings.grid = 100
         self.assertIsNone(find(settings))
 
-    def test_a_duplicate_is_its_own(self):
-        for by in ("image", "uv_map"):
-            for linked in (False, True):
-                with self.subTest(by=by, linked=linked):
-                    self.setUp()
-                    arm = self.arm()
-                    arm.paint_image()
-                    obj = arm.object
-                    bpy.context.scene.frame_set(5)
-                    bpy.ops.vrtm.set_up_material(by=by)
-                    first = pixels(obj.vrtm.image)
-                    bpy.ops.object.duplicate(linked=linked)
-                    other = bpy.context.view_layer.objects.active
-                    self.assertNotEqual(other, obj)
-                    self.assertIn("is that of 'arm'", part("results").missing(other))
-                    rig = arm.rig.copy()
-                    bpy.context.collection.objects.link(rig)
-                    rig.animation_data_clear()
-                    rig.pose.bones["lower"].rotation_euler[2] = 0.3
-                    other.modifiers["Armature"].object = rig
-                    bpy.context.view_layer.update()
-                    self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-                    self.assertNotEqual(other.vrtm.image, obj.vrtm.image)
-                    self.assertSame(pixels(obj.vrtm.image), first)
-                    self.assertGreater(np.abs(pixels(other.vrtm.image) - first).max(), 1e-3)
-                    self.check(arm, obj=other)
-                    self.assertEqual(other.vrtm.uv_name, f"vrtm {other.name}" if linked else "vrtm")
-                    # Results among the UV maps are never taken for the texture's.
-                    other.data.uv_layers["vrtm"].active_render = True
-                    self.assertEqual(part("geometry").source_uv_layer(other).name, "UVMap")
-                    if by == "image" or linked:
-                        self.assertNotEqual(other.active_material, obj.active_material)
-                    one, two = (self.groups(o)[0].node_tree for o in (obj, other))
-                    nodes = part("nodes")
-                    if by == "image":
-                        self.assertEqual(nodes.image_of(one), obj.vrtm.image)
-                        self.assertEqual(nodes.image_of(two), other.vrtm.image)
-                    else:
-                        self.assertTrue(nodes.is_by_uv_map(one, obj.vrtm.uv_name))
-                        self.assertTrue(nodes.is_by_uv_map(two, other.vrtm.uv_name))
+    @each("by", ("image", "uv_map"))
+    @each("linked", (False, True))
+    def test_a_duplicate_is_its_own(self, by, linked):
+        arm = self.arm(kind=Arm.with_studs)
+        obj = arm.object
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.set_up_material(by=by)
+        first = pixels(obj.vrtm.image)
+        bpy.ops.object.duplicate(linked=linked)
+        other = bpy.context.view_layer.objects.active
+        self.assertNotEqual(other, obj)
+        self.assertIn("is that of 'arm'", part("results").missing(other))
+        rig = arm.rig.copy()
+        bpy.context.collection.objects.link(rig)
+        rig.animation_data_clear()
+        rig.pose.bones["lower"].rotation_euler[2] = 0.3
+        other.modifiers["Armature"].object = rig
+        self.update()
+        self.assertNotEqual(other.vrtm.image, obj.vrtm.image)
+        self.assertSame(pixels(obj.vrtm.image), first)
+        self.assertGreater(np.abs(pixels(other.vrtm.image) - first).max(), 1e-3)
+        self.check(arm, obj=other)
+        self.assertEqual(other.vrtm.uv_name, f"vrtm {other.name}" if linked else "vrtm")
+        # Results among the UV maps are never taken for the texture's.
+        other.data.uv_layers["vrtm"].active_render = True
+        self.assertEqual(part("geometry").source_uv_layer(other).name, "UVMap")
+        if by == "image" or linked:
+            self.assertNotEqual(other.active_material, obj.active_material)
+        nodes = part("nodes")
+        for one in (obj, other):
+            tree = self.groups(one)[0].node_tree
+            if by == "image":
+                self.assertEqual(nodes.image_of(tree), one.vrtm.image)
+            else:
+                self.assertTrue(nodes.is_by_uv_map(tree, one.vrtm.uv_name))
 
     def test_nothing_is_left(self):
         arm = self.arm()
@@ -137,7 +129,7 @@ class Objects(Case):
         bpy.ops.vrtm.set_up_material(by="uv_map")
         bpy.ops.vrtm.set_up_material()
         bpy.ops.vrtm.dilate()
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertIn("vrtm_strain", mesh.attributes)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         obj.modifiers.remove(obj.modifiers["it"])
@@ -148,12 +140,10 @@ class Objects(Case):
         self.assertEqual(part("states").known, {})
 
     def test_objects_with_one_mesh_have_an_attribute_each(self):
-        arm = self.arm()
-        arm.paint_image()
+        arm = self.arm(kind=Arm.with_studs)
         obj = arm.object
         obj.vrtm.write_uvs, obj.vrtm.write_strain = False, True
-        bpy.context.scene.frame_set(5)
-        bpy.ops.vrtm.update()
+        self.update(5)
 
         def values(of):
             return read(arm.mesh.attributes[part("results").strain_name(of.vrtm)].data, "vector", 3)
@@ -162,8 +152,7 @@ class Objects(Case):
         bpy.ops.object.duplicate(linked=True)
         other = bpy.context.view_layer.objects.active
         other.modifiers["Armature"].show_viewport = False
-        bpy.context.view_layer.update()
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertSame(values(obj), first)
         self.assertGreater(np.abs(values(other) - first).max(), 1e-3)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
@@ -187,24 +176,21 @@ class Objects(Case):
 
     def test_without_a_rigidity_one_is_asked(self):
         arm = self.arm()
-        source = arm.object.active_material.node_tree.nodes["Image Texture"].image
-        source.pixels.foreach_set(rgba(studs(128)).ravel())
+        fill(bpy.data.images["albedo"], studs(128))
         # What the menu's buttons do.
         self.assertEqual(bpy.ops.vrtm.rigidity_from_texture(set_up=True), {"FINISHED"})
         self.assertEqual((len(self.groups(arm.object)), arm.object.vrtm.live), (1, True))
-        self.assertEqual(part("status").headline(arm.object, bpy.context.scene).icon, "CHECKMARK")
+        self.assertEqual(self.line(arm.object), ("Up to date", "CHECKMARK"))
         other = self.arm("other")
         self.assertEqual(bpy.ops.vrtm.set_up(paint=True), {"FINISHED"})
         self.assertEqual(other.object.mode, "TEXTURE_PAINT")
         bpy.ops.object.mode_set(mode="OBJECT")
         self.assertEqual(bpy.context.scene.tool_settings.image_paint.canvas, other.object.vrtm.rigidity_image)
         # No tick while nothing is rigid.
-        line = part("status").headline(other.object, bpy.context.scene)
-        self.assertEqual((line.text, line.icon), ("Nothing is rigid yet: see Status", "INFO"))
+        self.assertEqual(self.line(other.object), ("Nothing is rigid yet: see Status", "INFO"))
 
     def test_what_scripts_do_is_an_undo_step(self):
-        arm = self.arm()
-        arm.paint_image()
+        self.arm(kind=Arm.with_studs)
 
         def groups():
             return len(self.groups(bpy.data.objects["arm"]))

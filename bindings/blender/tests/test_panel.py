@@ -26,15 +26,13 @@ class Panel(Case):
         arm = Arm()
         obj, settings = arm.object, arm.object.vrtm
         settings.rest_source = "CAPTURED"
-        with self.assertRaises(RuntimeError):
-            bpy.ops.vrtm.update()
+        self.refused("choose where")
         self.assertIn("arm: choose where the rigidity is painted", self.shown(obj))
         arm.paint_image()
         settings.measure = True
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.capture_rest()
-        bpy.context.scene.frame_set(2)
-        bpy.ops.vrtm.update()
+        self.update(2)
         shown = self.shown(obj)
         for text in ("Captured at frame 5", "Up to date", "Time", "Strain", "Folds", "Redirection"):
             self.assertIn(text, shown)

@@ -1,6 +1,6 @@
 """No tick over a wrong picture: where what is drawn is not as the result is, the panel has no tick, and says why."""
 
-from support import Arm, Case, bpy, nodes_of, part, rgba, studs
+from support import Arm, Case, add_texture, bpy, each, node_of, nodes_of, part, picture, studs
 
 
 class Picture(Case):
@@ -9,28 +9,23 @@ class Picture(Case):
         arm = Arm(name, **{"along": 20, "around": 12, "size": 64, **options})
         arm.object.vrtm.grid = arm.object.vrtm.render_grid = 0
         arm.paint_image(f"{name} rigidity")
-        albedo = bpy.data.images.new(f"{name} albedo", 64, 64)
-        albedo.pixels.foreach_set(rgba(studs(64)).ravel())
-        self.tree = arm.add_material(f"{name} skin", albedo).id_data
-        bpy.context.view_layer.objects.active = arm.object
+        self.tree = arm.add_material(f"{name} skin", picture(f"{name} albedo", studs(64))).id_data
         bpy.context.scene.frame_set(5)
         self.assertEqual(bpy.ops.vrtm.set_up_material(by=by), {"FINISHED"})
         return arm
 
-    def line(self, arm):
-        """The headline after an update."""
+    def updated(self, arm):
+        """Text and icon of the headline after an update."""
         bpy.context.view_layer.objects.active = arm.object
-        bpy.ops.vrtm.update()
-        return part("status").headline(arm.object, bpy.context.scene)
+        self.update()
+        return self.line(arm.object)
 
     def ticked(self, arm):
-        self.assertEqual(self.line(arm).icon, "CHECKMARK", self.notes(arm.object))
+        self.assertEqual(self.updated(arm)[1], "CHECKMARK", self.notes(arm.object))
 
-    def wrong(self, arm, *words):
-        line = self.line(arm)
-        self.assertEqual((line.icon, line.text), ("ERROR", "Not what it should be: see Status"))
-        for word in words:
-            self.assertIn(word, self.notes(arm.object))
+    def wrong(self, arm, words):
+        self.assertEqual(self.updated(arm), ("Not what it should be: see Status", "ERROR"))
+        self.assertIn(words, self.notes(arm.object))
 
     def source(self):
         """The node that the group has its UVs from."""
@@ -102,8 +97,7 @@ class Picture(Case):
                 self.assertEqual(bpy.ops.vrtm.insert_tap(), {"FINISHED"})
                 self.assertEqual([m.name for m in modifiers], ["it", "Armature", "vrtm pose"])
                 self.ticked(arm)
-                strain = dict(part("states").find_state(obj).figures)["Strain"].split()
-                before, after = float(strain[0]), float(strain[2])
+                before, after = self.strains(obj)
                 self.assertGreater(before, 0.08)
                 self.assertLess(after, 0.5 * before)
                 self.assertEqual("makes copies" in self.notes(arm.object), kind in ("MIRROR", "ARRAY"))
@@ -139,23 +133,19 @@ class Picture(Case):
             with self.subTest(along=along):
                 arm = self.arm(by="uv_map", along=along, around=around)
                 arm.object.vrtm.measure = True
-                self.assertEqual(self.line(arm).icon, "INFO" if wrong else "CHECKMARK")
+                self.assertEqual(self.updated(arm)[1], "INFO" if wrong else "CHECKMARK")
                 self.assertEqual(words in self.notes(arm.object), wrong)
-                state = part("states").find_state(arm.object)
-
-                def strain(state=state):
-                    figures = dict(state.figures)["Strain"].split()
-                    return float(figures[0]), float(figures[2])
-
-                before, after = strain()
+                before, after = self.strains(arm.object)
                 # With the own UVs it is about what the library has measured, which has more points and directions.
-                pose, own = arm.pose(), state.prepared.mesh.topology.uvs
-                self.assertAlmostEqual(state.prepared.strain_of(pose, own), before, delta=0.2 * before)
+                prepared = part("states").find_state(arm.object).prepared
+                own = prepared.strain_of(arm.pose(), prepared.mesh.topology.uvs)
+                self.assertAlmostEqual(own, before, delta=0.2 * before)
                 # What follows at once, and what the image has.
                 bpy.ops.vrtm.set_up_material(by="image")
                 self.assertNotIn(words, self.notes(arm.object))
-                self.assertEqual(strain()[0], before)
-                self.assertLess(strain()[1], 0.25 * before)
+                same, image = self.strains(arm.object)
+                self.assertEqual(same, before)
+                self.assertLess(image, 0.25 * before)
                 self.assertEqual(after > 0.7 * before, wrong)
                 self.assertEqual(after < 0.4 * before, not wrong)
 
@@ -166,11 +156,11 @@ class Picture(Case):
         arm.mesh.uv_layers["UVMap"].uv[0].vector = (-0.01, 0.06)
         for frame in (4, 3, 2):
             bpy.context.scene.frame_set(frame)
-            self.assertEqual(self.line(arm).icon, "INFO")
+            self.assertEqual(self.updated(arm)[1], "INFO")
             for said in (words, "faces reach out of their tile"):
                 self.assertEqual(self.notes(arm.object).count(said), 1, frame)
         settings.grid = 0
-        self.line(arm)
+        self.update()
         self.assertNotIn(words, self.notes(arm.object))
         self.assertIn("faces reach out of their tile", self.notes(arm.object))
         arm.mesh.uv_layers["UVMap"].uv[0].vector = (0, 0.04)
@@ -195,39 +185,34 @@ class Picture(Case):
             ((1, 1.5, 1), "Scaled unevenly by its parents or constraints (arm rig)"),
         ):
             arm.rig.scale = scale
-            bpy.context.view_layer.update()
             self.ticked(arm) if words is None else self.wrong(arm, words)
         # As much the other way: even in the scene.
         arm.object.scale = (1, 1 / 1.5, 1)
-        bpy.context.view_layer.update()
         self.ticked(arm)
         arm.rig.scale = (1, 1, 1)
-        bpy.context.view_layer.update()
         self.wrong(arm, "Scaled unevenly, which vrtm does not see")
 
-    def test_a_material_of_another_object(self):
-        for by in ("image", "uv_map"):
-            with self.subTest(by):
-                self.setUp()
-                fine = {"along": 60, "around": 40} if by == "uv_map" else {"along": 10, "around": 8}
-                arm, other = self.arm("one", by=by, **fine), Arm("other", size=64, **fine)
-                other.paint_image("other rigidity")
-                other.object.vrtm.grid = 0
-                if by == "uv_map":
-                    other.object.data = other.mesh = arm.mesh
-                skin = arm.object.active_material
-                other.object.data.materials.append(skin) if by == "image" else None
-                bpy.context.view_layer.objects.active = other.object
-                self.ticked(other)
-                self.assertNotEqual(other.object.active_material, skin)
-                self.assertFalse(part("materials").of_others(other.object))
-                self.assertEqual(arm.object.active_material, skin)
-                self.assertFalse(part("materials").of_others(arm.object))
-                # Given to it afterwards, without an update.
-                other.object.material_slots[0].material = skin
-                self.assertIn("A material shows the redirection of another", self.notes(other.object))
-                self.ticked(other)
-                self.assertNotEqual(other.object.active_material, skin)
+    @each("by", ("image", "uv_map"))
+    def test_a_material_of_another_object(self, by):
+        fine = {"along": 60, "around": 40} if by == "uv_map" else {"along": 10, "around": 8}
+        arm, other = self.arm("one", by=by, **fine), Arm("other", size=64, **fine)
+        other.paint_image("other rigidity")
+        other.object.vrtm.grid = 0
+        if by == "uv_map":
+            other.object.data = other.mesh = arm.mesh
+        skin = arm.object.active_material
+        other.object.data.materials.append(skin) if by == "image" else None
+        bpy.context.view_layer.objects.active = other.object
+        self.ticked(other)
+        self.assertNotEqual(other.object.active_material, skin)
+        self.assertFalse(part("materials").of_others(other.object))
+        self.assertEqual(arm.object.active_material, skin)
+        self.assertFalse(part("materials").of_others(arm.object))
+        # Given to it afterwards, without an update.
+        other.object.material_slots[0].material = skin
+        self.assertIn("A material shows the redirection of another", self.notes(other.object))
+        self.ticked(other)
+        self.assertNotEqual(other.object.active_material, skin)
 
     def test_a_duplicate_after_edits_and_undo(self):
         session = part("session")
@@ -249,66 +234,60 @@ class Picture(Case):
             self.idle()
         for step in (*[bpy.ops.ed.undo] * 4, *[bpy.ops.ed.redo] * 4, *[bpy.ops.ed.undo] * 3):
             step()
-            bpy.context.view_layer.update()
             self.idle()
             for obj in [obj for obj in bpy.data.objects if obj.type == "MESH"]:
                 self.assertEqual(part("materials").of_others(obj), [], step)
-                self.assertEqual(part("status").headline(obj, bpy.context.scene).icon, "CHECKMARK")
+                self.assertEqual(self.line(obj)[1], "CHECKMARK")
             if name in bpy.data.objects:
                 one, two = bpy.data.objects["arm"], bpy.data.objects[name]
                 self.assertNotEqual(one.vrtm.image, two.vrtm.image)
                 self.assertNotEqual(one.active_material, two.active_material)
 
-    def test_textures_inside_of_groups(self):
-        for wired in (False, True):
-            with self.subTest(wired=wired):
-                self.setUp()
-                arm = self.arm()
-                bpy.ops.vrtm.clear_material()
-                own = part("materials")
-                # The texture is in a group in a group; its UVs come from there, or from outside.
-                old = next(node for node in self.tree.nodes if node.bl_idname == "ShaderNodeTexImage")
-                image, colour = old.image, old.outputs["Color"].links[0].to_socket
-                self.tree.nodes.remove(old)
-                trees = [self.tree]
-                for name in ("outer", "inner"):
-                    group = bpy.data.node_groups.new(name, "ShaderNodeTree")
-                    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
-                    group.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
-                    node = trees[-1].nodes.new("ShaderNodeGroup")
-                    node.node_tree = group
-                    begin, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
-                    before = trees[-1].nodes.get("Group Input") or trees[-1].nodes.new("ShaderNodeTexCoord")
-                    if wired:
-                        trees[-1].links.new(before.outputs["UV"], node.inputs["UV"])
-                    trees[-1].links.new(node.outputs[0], colour)
-                    trees.append(group)
-                    colour = end.inputs[0]
-                texture = group.nodes.new("ShaderNodeTexImage")
-                texture.image = image
-                group.links.new(texture.outputs["Color"], colour)
-                if wired:
-                    group.links.new(begin.outputs["UV"], texture.inputs["Vector"])
-                self.assertEqual(part("textures").colour_image(arm.object), image)
-                self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
-                self.assertEqual(own.redirected(self.tree), [texture])
-                count = [len([n for n in tree.nodes if part("nodes").is_ours(n)]) for tree in trees]
-                self.assertEqual(count, [1, 0, 0] if wired else [0, 0, 1])
-                bpy.ops.vrtm.set_up_material()
-                self.assertEqual(sum(len(own._instances(tree)) for tree in trees[:1]), 1)
-                # A duplicate has groups of its own.
-                bpy.ops.object.duplicate()
-                other = bpy.context.view_layer.objects.active
-                bpy.ops.vrtm.update()
-                self.assertEqual(own.of_others(other), [])
-                self.assertEqual(own.of_others(arm.object), [])
-                self.assertEqual(len(own.redirected(other.active_material.node_tree)), 1)
-                bpy.context.view_layer.objects.active = arm.object
-                other.select_set(False)
-                bpy.ops.vrtm.clear_material()
-                self.assertEqual(own.redirected(self.tree), [])
-                # Others use it, too: it is named.
-                keep = bpy.data.materials.new("keep")
-                nodes_of(keep).nodes.new("ShaderNodeGroup").node_tree = trees[1]
-                with self.assertRaisesRegex(RuntimeError, "in group 'inner|in group 'outer"):
-                    bpy.ops.vrtm.set_up_material()
+    @each("wired", (False, True))
+    def test_textures_inside_of_groups(self, wired):
+        arm = self.arm()
+        bpy.ops.vrtm.clear_material()
+        own = part("materials")
+        # The texture is in a group in a group; its UVs come from there, or from outside.
+        old = node_of(self.tree, "ShaderNodeTexImage")
+        image, colour = old.image, old.outputs["Color"].links[0].to_socket
+        self.tree.nodes.remove(old)
+        trees = [self.tree]
+        for name in ("outer", "inner"):
+            group = bpy.data.node_groups.new(name, "ShaderNodeTree")
+            group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+            group.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
+            node = trees[-1].nodes.new("ShaderNodeGroup")
+            node.node_tree = group
+            begin, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+            before = trees[-1].nodes.get("Group Input") or trees[-1].nodes.new("ShaderNodeTexCoord")
+            if wired:
+                trees[-1].links.new(before.outputs["UV"], node.inputs["UV"])
+            trees[-1].links.new(node.outputs[0], colour)
+            trees.append(group)
+            colour = end.inputs[0]
+        texture = add_texture(image, colour)
+        if wired:
+            group.links.new(begin.outputs["UV"], texture.inputs["Vector"])
+        self.assertEqual(part("textures").colour_image(arm.object), image)
+        self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
+        self.assertEqual(own.redirected(self.tree), [texture])
+        count = [len([n for n in tree.nodes if part("nodes").is_ours(n)]) for tree in trees]
+        self.assertEqual(count, [1, 0, 0] if wired else [0, 0, 1])
+        bpy.ops.vrtm.set_up_material()
+        self.assertEqual(sum(len(own._instances(tree)) for tree in trees[:1]), 1)
+        # A duplicate has groups of its own.
+        bpy.ops.object.duplicate()
+        other = bpy.context.view_layer.objects.active
+        self.update()
+        self.assertEqual(own.of_others(other), [])
+        self.assertEqual(own.of_others(arm.object), [])
+        self.assertEqual(len(own.redirected(other.active_material.node_tree)), 1)
+        bpy.context.view_layer.objects.active = arm.object
+        other.select_set(False)
+        bpy.ops.vrtm.clear_material()
+        self.assertEqual(own.redirected(self.tree), [])
+        # Others use it, too: it is named.
+        keep = bpy.data.materials.new("keep")
+        nodes_of(keep).nodes.new("ShaderNodeGroup").node_tree = trees[1]
+        self.refused("in group 'inner|in group 'outer", bpy.ops.vrtm.set_up_material)

@@ -3,8 +3,8 @@ lips."""
 
 import numpy as np
 
-from support import Case, asset_of, bending, bpy, mesh_object, part, quads, select
-from test_carry import world
+from support import Case, add_mesh, asset_of, bending, bpy, displace, each, evaluated, part, quads, read, select
+from test_carry import drawn, to_world, world
 
 SIDE, SIZE = 12, 64
 # Half of the slit between the lips.
@@ -28,9 +28,7 @@ class Lips:
         u, v = np.meshgrid(at, at)
         self.rigidity = (np.hypot(u - 0.5, v - 0.04) < 0.45 * disc).astype(np.float32)
         obj = self.object = bending("lips", self.rest, self.faces, self.uvs, self.pose, self.rigidity)
-        # Wherever the skin is, and as large as it is.
-        obj.scale, obj.location, obj.rotation_euler = (1.7, 1.7, 1.7), (0.3, -1, 2), (0.2, 0.1, 0.7)
-        bpy.context.view_layer.update()
+        displace(obj)
 
 
 def stud(centre, radius=0.1, height=0.08, sides=10):
@@ -52,24 +50,20 @@ class Pieces(Case):
         made = [stud(centre) for centre in self.CENTRES]
         points = np.concatenate([points for points, _ in made])
         faces = np.concatenate([faces + 20 * k for k, (_, faces) in enumerate(made)])
-        matrix = world(lips.object)
-        return mesh_object("studs", points @ matrix[:3, :3].T + matrix[:3, 3], faces), points
+        return add_mesh("studs", to_world(lips.object, points), faces), points
 
     def wrapped(self, lips, obj, **settings):
         """The points in the skin's space at frame 5."""
         bpy.context.scene.frame_set(1)
         select(obj, lips.object)
         self.assertEqual(bpy.ops.vrtm.wrap(farthest=0.5, **settings), {"FINISHED"})
-        bpy.context.scene.frame_set(5)
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        data = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-        points = part("geometry").positions(data) @ world(obj)[:3, :3].T + world(obj)[:3, 3]
+        self.update(5)
         skin = world(lips.object)
-        return (points - skin[:3, 3]) @ np.linalg.inv(skin[:3, :3]).T
+        return (drawn(obj) - skin[:3, 3]) @ np.linalg.inv(skin[:3, :3]).T
 
     @staticmethod
     def lengths(obj, points):
-        edges = part("geometry").read(obj.data.edges, "vertices", 2, np.int32)
+        edges = read(obj.data.edges, "vertices", 2, np.int32)
         return np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
 
     def expected(self, lips, feet):
@@ -79,26 +73,24 @@ class Pieces(Case):
         asset.solve(lips.pose)
         return carrier.fetch("positions", "matrices", dtype=np.float64)
 
-    def test_a_stud_across_a_slit_stays_whole(self):
-        for disc in (0.0, 0.25):
-            with self.subTest(disc=disc):
-                self.setUp()
-                lips = Lips(disc)
-                obj, points = self.detail(lips)
-                before = self.lengths(obj, points)
-                torn = self.lengths(obj, self.wrapped(lips, obj)) / before
-                self.assertGreater(torn.max(), 3)
-                posed = self.wrapped(lips, obj, pieces=True)
-                np.testing.assert_allclose(self.lengths(obj, posed), before, rtol=1e-5)
-                # Each as a body of its own, by its foot.
-                feet = np.array([(*centre, 0) for centre in self.CENTRES])
-                found = self.expected(lips, feet)
-                offsets = points.reshape(len(feet), -1, 3) - feet[:, None]
-                where = found.positions[:, None] + np.einsum("nij,nkj->nki", found.matrices, offsets)
-                np.testing.assert_allclose(posed, where.reshape(-1, 3), atol=1e-5)
-                # Those across the slit go with one lip each.
-                self.assertGreater(posed[:20, 1].min(), 0.15)
-                self.assertLess(posed[40:60, 1].max(), -0.15)
+    @each("disc", (0.0, 0.25))
+    def test_a_stud_across_a_slit_stays_whole(self, disc):
+        lips = Lips(disc)
+        obj, points = self.detail(lips)
+        before = self.lengths(obj, points)
+        torn = self.lengths(obj, self.wrapped(lips, obj)) / before
+        self.assertGreater(torn.max(), 3)
+        posed = self.wrapped(lips, obj, pieces=True)
+        np.testing.assert_allclose(self.lengths(obj, posed), before, rtol=1e-5)
+        # Each as a body of its own, by its foot.
+        feet = np.array([(*centre, 0) for centre in self.CENTRES])
+        found = self.expected(lips, feet)
+        offsets = points.reshape(len(feet), -1, 3) - feet[:, None]
+        where = found.positions[:, None] + np.einsum("nij,nkj->nki", found.matrices, offsets)
+        np.testing.assert_allclose(posed, where.reshape(-1, 3), atol=1e-5)
+        # Those across the slit go with one lip each.
+        self.assertGreater(posed[:20, 1].min(), 0.15)
+        self.assertLess(posed[40:60, 1].max(), -0.15)
 
     def test_the_choice_is_saved_with_what_is_carried(self):
         lips = Lips(disc=0.25)
@@ -111,10 +103,8 @@ class Pieces(Case):
         obj.data.edges[-1].vertices = (0, 20)
         lengths = self.lengths(obj, np.zeros((80, 3)))
         self.assertEqual(len(lengths), 4 * 30 + 1)
-        bpy.ops.vrtm.update()
-        data = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-        joined = part("geometry").positions(data)
-        own = part("geometry").positions(obj.data)
+        self.update()
+        own, joined = (part("geometry").positions(of.data) for of in (obj, evaluated(obj)))
         for one, other, same in ((0, 20, True), (0, 40, False), (20, 60, False)):
             apart, rest = (np.linalg.norm(of[one] - of[other]) for of in (joined, own))
             self.assertEqual(abs(apart / rest - 1) < 1e-5, same)

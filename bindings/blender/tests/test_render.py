@@ -6,16 +6,25 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, load, mesh_object, nodes_of, part, rgba, sampled, select, studs
+from support import Arm, Case, add_mesh, add_texture, bpy, each, load, nodes_of, part, picture, sampled, select, studs
 
 
-def render(path=None, animation=False):
-    """Renders, and returns the picture of a still, (height, width, 4)."""
+def render():
+    """Renders the present frame, and returns its picture, (height, width, 4)."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = bpy.context.scene.render.filepath = os.path.join(folder, "still.exr")
+        bpy.ops.render.render(write_still=True)
+        return load(path)
+
+
+def animation():
+    """Renders the scene's frames, and returns the picture of each."""
     scene = bpy.context.scene
     with tempfile.TemporaryDirectory() as folder:
-        scene.render.filepath = path or os.path.join(folder, "still.exr")
-        bpy.ops.render.render(write_still=not animation, animation=animation)
-        return None if animation else load(scene.render.filepath)
+        scene.render.filepath = os.path.join(folder, "frame.")
+        bpy.ops.render.render(animation=True)
+        frames = range(scene.frame_start, scene.frame_end + 1)
+        return {frame: load(os.path.join(folder, f"frame.{frame:04d}.exr")) for frame in frames}
 
 
 class Scene(Case):
@@ -50,110 +59,93 @@ class Scene(Case):
         tree.nodes.clear()
         shader, out = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
         tree.links.new(shader.outputs[0], out.inputs["Surface"])
-        texture = tree.nodes.new("ShaderNodeTexImage")
-        texture.image = bpy.data.images.new("albedo", 128, 128)
-        texture.image.colorspace_settings.name = "Non-Color"
-        texture.image.pixels.foreach_set(rgba(studs(128)).ravel())
-        if textured:
-            tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+        texture = add_texture(picture("albedo", studs(128), is_data=True), shader.inputs["Color"])
+        if not textured:
+            tree.links.remove(texture.outputs["Color"].links[0])
         obj.data.materials.append(material)
         return material, texture, shader.inputs["Color"]
 
 
 class Render(Scene):
-    def arm(self, live=False, tiles=1):
+    def arm(self, tiles=1):
         arm = Arm.with_studs(tiles=tiles)
         self.material(arm.object)
         self.camera((1.0, 0.5), 2.2)
-        arm.object.vrtm.live = live
         return arm
 
-    def test_an_animation_has_each_frames_own_redirection(self):
-        for by in ("image", "uv_map"):
-            for persistent in (False, True):
-                with self.subTest(by=by, persistent=persistent), tempfile.TemporaryDirectory() as folder:
-                    self.setUp()
-                    bpy.context.scene.render.use_persistent_data = persistent
-                    arm = self.arm()
-                    scene, settings = bpy.context.scene, arm.object.vrtm
-                    plain = {}
-                    for frame in (3, 4, 5):
-                        scene.frame_set(frame)
-                        settings.in_renders = False
-                        plain[frame] = render()
-                    settings.in_renders = True
-                    scene.frame_set(1)
-                    bpy.ops.vrtm.set_up_material(by=by)
-                    render(os.path.join(folder, "frame."), animation=True)
-                    animated = {f: load(os.path.join(folder, f"frame.{f:04d}.exr")) for f in (3, 4, 5)}
-                    # Single frames with the package's own result written by hand, and the add-on out of the way.
-                    settings.in_renders = False
-                    asset = arm.asset()
-                    for frame in (3, 4, 5):
-                        scene.frame_set(frame)
-                        asset.solve(arm.pose())
-                        image = np.zeros((*arm.delta(asset).shape[:2], 4), np.float32)
-                        image[..., :2], image[..., 3] = arm.delta(asset), 1
-                        settings.image.pixels.foreach_set(image.ravel())
-                        settings.image.update_tag()
-                        arm.mesh.uv_layers["vrtm"].uv.foreach_set("vector", asset.corner_uvs().ravel())
-                        arm.mesh.update_tag()
-                        self.assertSame(animated[frame], render())
-                        self.assertGreater(np.abs(animated[frame] - plain[frame]).max(), 0.3)
-                    self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
+    @each("by", ("image", "uv_map"))
+    @each("persistent", (False, True))
+    def test_an_animation_has_each_frames_own_redirection(self, by, persistent):
+        bpy.context.scene.render.use_persistent_data = persistent
+        arm = self.arm()
+        scene, settings = bpy.context.scene, arm.object.vrtm
+        with self.set(settings, in_renders=False):
+            plain = animation()
+        scene.frame_set(1)
+        bpy.ops.vrtm.set_up_material(by=by)
+        animated = animation()
+        # Single frames with the package's own result written by hand, and the add-on out of the way.
+        settings.in_renders = False
+        asset = arm.asset()
+        for frame in (3, 4, 5):
+            scene.frame_set(frame)
+            asset.solve(arm.pose())
+            image = np.zeros((*arm.delta(asset).shape[:2], 4), np.float32)
+            image[..., :2], image[..., 3] = arm.delta(asset), 1
+            settings.image.pixels.foreach_set(image.ravel())
+            settings.image.update_tag()
+            arm.mesh.uv_layers["vrtm"].uv.foreach_set("vector", asset.corner_uvs().ravel())
+            arm.mesh.update_tag()
+            self.assertSame(animated[frame], render())
+            self.assertGreater(np.abs(animated[frame] - plain[frame]).max(), 0.3)
+        self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
 
-    def test_what_is_carried_is_in_its_place_in_each_frame(self):
-        for persistent in (False, True):
-            with self.subTest(persistent), tempfile.TemporaryDirectory() as folder:
-                self.setUp()
-                scene = bpy.context.scene
-                scene.render.use_persistent_data = persistent
-                arm = Arm.with_studs()
-                self.camera((1.0, 0.5), 2.2)
-                # A patch of the arm's own faces, as a detail mesh, and a cube.
-                patch = mesh_object("patch", arm.rest() * (1, 1.02, 1.02), arm.faces[400:700])
-                bpy.ops.mesh.primitive_cube_add(size=0.1, location=(1.3, 0, 0.27))
-                cube = bpy.context.object
-                for obj in (patch, cube):
-                    self.material(obj, textured=False)[2].default_value = (*np.random.default_rng(1).random(3), 1)
-                for other, operator in ((patch, bpy.ops.vrtm.wrap), (cube, bpy.ops.vrtm.carry)):
-                    select(other, arm.object)
-                    self.assertEqual(operator(), {"FINISHED"})
-                # Also where the material shows what was baked.
-                arm.object.vrtm.shows_baked = persistent
-                render(os.path.join(folder, "frame."), animation=True)
-                animated = {f: load(os.path.join(folder, f"frame.{f:04d}.exr")) for f in (3, 4, 5)}
-                self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
-                # Single frames, with the add-on out of the way.
-                arm.object.vrtm.in_renders = False
-                for frame in (3, 5, 4):
-                    scene.frame_set(frame)
-                    bpy.ops.vrtm.update()
-                    bpy.context.view_layer.update()
-                    self.assertSame(animated[frame], render())
+    @each("persistent", (False, True))
+    def test_what_is_carried_is_in_its_place_in_each_frame(self, persistent):
+        scene = bpy.context.scene
+        scene.render.use_persistent_data = persistent
+        arm = Arm.with_studs()
+        self.camera((1.0, 0.5), 2.2)
+        # A patch of the arm's own faces, as a detail mesh, and a cube.
+        patch = add_mesh("patch", arm.rest() * (1, 1.02, 1.02), arm.faces[400:700])
+        bpy.ops.mesh.primitive_cube_add(size=0.1, location=(1.3, 0, 0.27))
+        cube = bpy.context.object
+        for obj in (patch, cube):
+            self.material(obj, textured=False)[2].default_value = (*np.random.default_rng(1).random(3), 1)
+        for other, operator in ((patch, bpy.ops.vrtm.wrap), (cube, bpy.ops.vrtm.carry)):
+            select(other, arm.object)
+            self.assertEqual(operator(), {"FINISHED"})
+        # Also where the material shows what was baked.
+        arm.object.vrtm.shows_baked = persistent
+        animated = animation()
+        self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
+        # Single frames, with the add-on out of the way.
+        arm.object.vrtm.in_renders = False
+        for frame in (3, 5, 4):
+            self.update(frame)
+            bpy.context.view_layer.update()
+            self.assertSame(animated[frame], render())
 
-    def test_renders_and_bakes_have_settings_of_their_own(self):
-        for tiles in (1, 2):
-            with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
-                self.setUp()
-                arm = self.arm(tiles=tiles)
-                scene, settings = bpy.context.scene, arm.object.vrtm
-                scene.frame_set(5)
-                bpy.ops.vrtm.set_up_material()
-                expected, size = render(), tuple(settings.image.size)
-                for grid, quality in ((64, "draft"), (256, "normal")):
-                    settings.grid, settings.map_size, settings.quality = grid, 0, quality
-                    bpy.ops.vrtm.update()
-                    self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
-                    self.assertSame(render(), expected)
-                    self.assertEqual(tuple(settings.image.size), size)
-                bpy.ops.vrtm.update()
-                self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
-                self.bakes_to(folder, 5, 5)
-                bpy.ops.vrtm.bake()
-                self.assertEqual(load(os.path.join(folder, "arm.redirect.1001.0005.exr")).shape[:2], (128, 128))
-                bpy.ops.vrtm.update()
-                self.assertEqual(dict(part("states").find_state(arm.object).figures)["Grid"], "256 x 256")
+    @each("tiles", (1, 2))
+    def test_renders_and_bakes_have_settings_of_their_own(self, tiles):
+        arm = self.arm(tiles=tiles)
+        settings, folder = arm.object.vrtm, self.scratch()
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.set_up_material()
+        expected, size = render(), tuple(settings.image.size)
+        for grid, quality in ((64, "draft"), (256, "normal")):
+            settings.grid, settings.map_size, settings.quality = grid, 0, quality
+            self.update()
+            self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
+            self.assertSame(render(), expected)
+            self.assertEqual(tuple(settings.image.size), size)
+        self.update()
+        self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
+        self.bakes_to(folder, 5, 5)
+        bpy.ops.vrtm.bake()
+        self.assertEqual(load(os.path.join(folder, "arm.redirect.1001.0005.exr")).shape[:2], (128, 128))
+        self.update()
+        self.assertEqual(self.figures(arm.object)["Grid"], "256 x 256")
 
     def test_a_render_goes_on_when_there_is_something_wrong(self):
         arm = self.arm()
@@ -172,7 +164,7 @@ class Render(Scene):
                 size = 8
                 low, high = np.array(first, float), np.array(first, float) + np.array([columns, rows], float)
                 corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
-                obj = mesh_object("plane", np.pad(corners, ((0, 0), (0, 1))), [(0, 1, 2, 3)], corners)
+                obj = add_mesh("plane", np.pad(corners, ((0, 0), (0, 1))), [(0, 1, 2, 3)], corners)
                 layout = part("result_image").Layout.of(udims, size)
                 self.assertEqual(layout.numbers(), [*first, columns, rows, size])
                 values = np.zeros((layout.height, layout.width, 4), np.float32)
@@ -203,7 +195,7 @@ class Render(Scene):
         obj = arm.object
         material = obj.data.materials[0]
         tree = material.node_tree
-        texture = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+        texture = tree.nodes["Image Texture"]
         new = tree.nodes.new
 
         def image_node(source=None, through=None):
@@ -254,8 +246,7 @@ class Render(Scene):
         material = arm.object.data.materials[0]
         copy = arm.object.copy()
         bpy.context.collection.objects.link(copy)
-        bpy.context.view_layer.objects.active = copy
-        arm.object.select_set(False)
+        select(copy)
         bpy.ops.vrtm.set_up_material()
         self.assertEqual(arm.object.material_slots[0].material, material)
         self.assertNotEqual(copy.material_slots[0].material, material)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
+from support import Arm, Case, add_texture, bpy, each, fill, node_of, part, picture, pixels, studs
 
 
 def overlap(one, other):
@@ -13,24 +13,13 @@ def overlap(one, other):
 class Rigidity(Case):
     def arm(self, tiles=1):
         """An arm with a material: a texture with studs in a colour, and heights of other studs."""
-        arm = Arm(tiles=tiles)
-        material = bpy.data.materials.new("skin")
-        tree = nodes_of(material)
-        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
-        bump = tree.nodes.new("ShaderNodeBump")
         self.colours = np.zeros((128, 128, 4), np.float32)
         self.colours[:] = (0.1, 0.3, 0.1, 1)
         self.colours[studs(128) > 0.5] = (0.8, 0.6, 0.3, 1)
         self.heights = np.clip(0.3 + 0.3 * np.linspace(0, 1, 128)[None] + 0.2 * studs(128, 1), 0, 1)
-        for name, values, socket in (
-            ("colour", self.colours, shader.inputs["Base Color"]),
-            ("height", rgba(self.heights), bump.inputs["Height"]),
-        ):
-            node = tree.nodes.new("ShaderNodeTexImage")
-            node.image = bpy.data.images.new(name, 128, 128)
-            node.image.pixels.foreach_set(values.ravel())
-            tree.links.new(node.outputs["Color"], socket)
-        arm.mesh.materials.append(material)
+        arm = Arm(tiles=tiles)
+        tree = arm.add_material(albedo=picture("colour", self.colours)).id_data
+        add_texture(picture("height", self.heights), tree.nodes.new("ShaderNodeBump").inputs["Height"])
         return arm
 
     def painted(self, arm):
@@ -40,10 +29,9 @@ class Rigidity(Case):
         arm = self.arm()
         settings = arm.object.vrtm
         self.assertEqual(bpy.ops.vrtm.rigidity_from_texture(), {"FINISHED"})
-        self.assertEqual(
-            (settings.rigidity_source, settings.rigidity_image.colorspace_settings.name), ("IMAGE", "Non-Color")
-        )
-        self.assertIsNotNone(settings.rigidity_image.packed_file)
+        image = settings.rigidity_image
+        self.assertEqual((settings.rigidity_source, image.colorspace_settings.name), ("IMAGE", "Non-Color"))
+        self.assertIsNotNone(image.packed_file)
         self.assertGreater(overlap(self.painted(arm), studs(128)), 0.95)
         for options, expected in (
             ({"by": "colour", "colour": (0.8, 0.6, 0.3), "tolerance": 0.1}, studs(128)),
@@ -61,11 +49,9 @@ class Rigidity(Case):
         bpy.ops.vrtm.rigidity_from_texture(threshold=0.4, size=64)
         self.assertEqual(tuple(settings.rigidity_image.size), (64, 64))
         self.assertGreater(before, 0)
-        with self.assertRaisesRegex(RuntimeError, "no image 'nobody'"):
-            bpy.ops.vrtm.rigidity_from_texture(image="nobody")
+        self.refused("no image 'nobody'", bpy.ops.vrtm.rigidity_from_texture, image="nobody")
         # And it is solved for.
-        bpy.context.scene.frame_set(5)
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update(5)
         self.assertEqual(part("states").find_state(arm.object).notes, [])
 
     def test_specks_are_left_out(self):
@@ -77,7 +63,7 @@ class Rigidity(Case):
         free = 12 * np.argwhere(blurred(studs(128), 2)[:120:12, :120:12] == 0)
         for y, x in free:
             self.colours[y : y + 2, x : x + 2] = (0.8, 0.6, 0.3, 1)
-        image.pixels.foreach_set(self.colours.ravel())
+        fill(image, self.colours)
         from_texture = bpy.ops.vrtm.rigidity_from_texture
         at = tuple(free.T)
         from_texture(smallest=0, threshold=0.4)
@@ -96,17 +82,16 @@ class Rigidity(Case):
         bpy.ops.vrtm.rigidity_from_heights(feature=0.11, sunken=True)
         self.assertLess(overlap(self.painted(arm), studs(128, 1)), 0.1)
         # Both ways round at once.
-        next(n for n in nodes_of(arm.object.active_material).nodes if n.bl_idname == "ShaderNodeBump").invert = True
+        node_of(arm.object.active_material.node_tree, "ShaderNodeBump").invert = True
         bpy.ops.vrtm.rigidity_from_heights(feature=0.11, sunken=True)
         self.assertGreater(overlap(self.painted(arm), studs(128, 1)), 0.8)
         arm.object.data.materials.clear()
-        with self.assertRaisesRegex(RuntimeError, "Bump or Displacement"):
-            bpy.ops.vrtm.rigidity_from_heights()
+        self.refused("Bump or Displacement", bpy.ops.vrtm.rigidity_from_heights)
 
     def test_heights_are_found_behind_other_nodes(self):
         arm = self.arm()
         tree = arm.object.active_material.node_tree
-        bump = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBump")
+        bump = node_of(tree, "ShaderNodeBump")
         height, found = bump.inputs["Height"].links[0].from_socket, part("textures").height_image
         image = height.node.image
 
@@ -144,26 +129,24 @@ class Rigidity(Case):
                 self.assertEqual(found(arm.object), (image, turned))
                 tree.nodes.remove(node)
 
-    def test_images_that_nothing_uses_any_more_are_saved(self):
-        for way in ("grow", "new", "texture", "remove"):
-            for packed in (True, False):
-                with self.subTest(way=way, packed=packed):
-                    self.setUp()
-                    arm = self.arm()
-                    image = arm.paint_image("mine")
-                    if packed:
-                        image.pack()
-                    {
-                        "grow": lambda: bpy.ops.vrtm.change_rigidity(how="grow"),
-                        "new": bpy.ops.vrtm.new_rigidity,
-                        "texture": bpy.ops.vrtm.rigidity_from_texture,
-                        "remove": bpy.ops.vrtm.remove_all,
-                    }[way]()
-                    before = pixels(image)
-                    if not packed:
-                        image.pack()
-                    self.reopened()
-                    self.assertSame(pixels(bpy.data.images["mine"]), before)
+    @each("way", ("grow", "new", "texture", "remove"))
+    @each("packed", (True, False))
+    def test_images_that_nothing_uses_any_more_are_saved(self, way, packed):
+        arm = self.arm()
+        image = arm.paint_image("mine")
+        if packed:
+            image.pack()
+        {
+            "grow": lambda: bpy.ops.vrtm.change_rigidity(how="grow"),
+            "new": bpy.ops.vrtm.new_rigidity,
+            "texture": bpy.ops.vrtm.rigidity_from_texture,
+            "remove": bpy.ops.vrtm.remove_all,
+        }[way]()
+        before = pixels(image)
+        if not packed:
+            image.pack()
+        self.reopened()
+        self.assertSame(pixels(bpy.data.images["mine"]), before)
 
     def test_changes_leave_what_was_painted(self):
         arm = Arm()
@@ -194,7 +177,7 @@ class Rigidity(Case):
         bpy.ops.vrtm.rigidity_from_texture()
         before, rigid = self.painted(arm), settings.rigidity_image
         self.colours[60:][studs(128)[60:] < 0.5] = (0, 0.1, 0, 1)
-        bpy.data.images["colour"].pixels.foreach_set(self.colours.ravel())
+        fill(bpy.data.images["colour"], self.colours)
         settings.mask_image = other = bpy.data.images.new("other", 8, 8)
         self.assertEqual(keep(), {"FINISHED"})
         self.assertEqual((settings.mask_source, settings.rigidity_image), ("IMAGE", rigid))
@@ -202,8 +185,7 @@ class Rigidity(Case):
         mask = pixels(settings.mask_image)[..., 0]
         self.assertEqual((mask.min(), mask[before > 0].min(), mask[:50].min()), (0, 1, 1))
         arm.object.active_material.node_tree.nodes.clear()
-        with self.assertRaisesRegex(RuntimeError, "no Image Texture"):
-            keep()
+        self.refused("no Image Texture", keep)
 
     def test_tiles(self):
         arm = Arm(tiles=2)
@@ -238,8 +220,7 @@ class Rigidity(Case):
         self.assertEqual(tuple(owner.unified_paint_settings.color), (1, 1, 1))
         self.assertEqual((paint.mode, paint.canvas), ("IMAGE", settings.rigidity_image))
         bpy.ops.object.mode_set(mode="OBJECT")
-        values = np.ones(64 * 64 * 4, np.float32)
-        settings.rigidity_image.pixels.foreach_set(values)
+        fill(settings.rigidity_image, np.ones((64, 64), np.float32))
         settings.rigidity_image.update()
         self.assertEqual(len(part("keep").unsaved_maps(arm.object)), 1)
         self.assertEqual(bpy.ops.vrtm.pack_maps(), {"FINISHED"})

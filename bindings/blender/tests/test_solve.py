@@ -10,31 +10,19 @@ from support import Arm, Case, bpy, part, pixels, rgba
 
 
 class Solve(Case):
-    def test_scrubbed_frames(self):
-        arm = Arm.with_studs()
-        arm.object.vrtm.live = True
-        asset, moved = arm.asset(), []
-        for frame in (1, 3, 5, 2):
-            bpy.context.scene.frame_set(frame)
-            moved.append(self.check(arm, asset))
-        # At rest nothing moves; bent, texels move by half a texel or more.
-        self.assertEqual(moved[0], 0)
-        self.assertGreater(min(moved[1:]), 0.5 / arm.size)
-
     def test_two_tiles_painted_in_files_and_in_memory(self):
         arm = Arm(tiles=2)
         folder = self.scratch()
         image = arm.paint_tiles(folder)
-        bpy.context.scene.frame_set(5)
-        bpy.ops.vrtm.update()
+        self.update(5)
         self.check(arm)
         # A stroke on the first tile that is not saved; the second tile is read as well.
         arm.painted[1001] = arm.painted[1001] * 0
         arm.painted[1001][20:60, 20:100] = 0.6
-        image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+        arm.repaint()
         self.assertTrue(image.is_dirty)
         names = set(bpy.data.images.keys())
-        bpy.ops.vrtm.update()
+        self.update()
         self.check(arm)
         path = os.path.join(folder, "rigidity.<UDIM>.png")
         self.assertEqual((image.is_dirty, image.file_format, image.filepath), (True, "PNG", path))
@@ -81,19 +69,19 @@ class Solve(Case):
         settings = obj.vrtm
         # An image that was there before leaves nothing behind.
         arm.paint_image()
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         self.check(arm)
         for source, name in (("VERTEX_GROUP", "stiff"), ("ATTRIBUTE", "colour")):
             settings.rigidity_source, settings.rigidity_name = source, name
-            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            self.update()
             self.assertGreater(self.check(arm, asset), 0)
         settings.mask_source, settings.mask_name = "ATTRIBUTE", "mask"
-        bpy.ops.vrtm.update()
+        self.update()
         before = pixels(settings.image).copy()
         asset.set_vertex_mask(mask)
         self.check(arm, asset)
         settings.mask_source = "NONE"
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertFalse(np.array_equal(before, pixels(settings.image)))
 
     def test_rest_shapes(self):
@@ -104,15 +92,13 @@ class Solve(Case):
         key = np.array([point.co[:] for point in arm.mesh.shape_keys.key_blocks["swell"].data], np.float32)
         scene.frame_set(5)
         settings.rest_source, settings.rest_key = "SHAPE_KEY", "swell"
-        bpy.ops.vrtm.update()
+        self.update()
         self.check(arm, arm.asset(key))
         scene.frame_set(3)
         bpy.ops.vrtm.capture_rest()
-        scene.frame_set(5)
-        bpy.ops.vrtm.update()
+        self.update(5)
         self.check(arm, arm.asset(third))
-        scene.frame_set(3)
-        bpy.ops.vrtm.update()
+        self.update(3)
         self.assertEqual(np.abs(pixels(settings.image)[..., :2]).max(), 0)
         # Captured at another pose, one without keys.
         settings.rest_source = "MESH"
@@ -121,21 +107,19 @@ class Solve(Case):
         bpy.ops.vrtm.capture_rest()
         captured = arm.pose()
         self.assertEqual(settings.rest_source, "CAPTURED")
-        scene.frame_set(5)
-        bpy.ops.vrtm.update()
+        self.update(5)
         self.check(arm, arm.asset(captured))
 
     def test_map_size_quality_and_figures(self):
         arm = Arm.with_studs()
         settings = arm.object.vrtm
         settings.map_size, settings.quality, settings.measure = 64, "draft", True
-        bpy.context.scene.frame_set(5)
-        bpy.ops.vrtm.update()
+        self.update(5)
         asset = arm.asset()
         asset.solve(arm.pose(), quality="draft", measure=True)
         delta = asset.tiles[0].fetch("redirection_delta", 64, channels=2, origin="bottom")
         self.assertSame(np.ascontiguousarray(pixels(settings.image)[..., :2]), delta)
-        figures = dict(part("states").find_state(arm.object).figures)
+        figures = self.figures(arm.object)
         strain = asset.tiles[0].report()
         self.assertLess(strain.after.rms, 0.5 * strain.before.rms)
         edges, fixed = strain.segments + strain.segments_fixed, strain.segments_fixed * strain.strain_fixed**2
@@ -162,26 +146,20 @@ class Solve(Case):
             ({"seams": "continue", "seam_reach": 0.05}, {"seams": "continue", "seam_reach": 0.05}),
         ):
             with self.subTest(given):
-                for name, value in given.items():
-                    setattr(settings, name, value)
-                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-                [tile] = asset.tiles
-                tile.set_settings(grid_width=arm.size, grid_height=arm.size, **of)
-                self.check(arm, asset)
-                for name in given:
-                    settings.property_unset(name)
+                with self.set(settings, **given):
+                    self.update()
+                    [tile] = asset.tiles
+                    tile.set_settings(grid_width=arm.size, grid_height=arm.size, **of)
+                    self.check(arm, asset)
         # What it does not go with: said in words, and Auto knows.
         settings.keep_direction, settings.seams = 0.2, "continue"
-        with self.assertRaisesRegex(RuntimeError, "Keep Direction does not go with seams that continue"):
-            bpy.ops.vrtm.update()
+        self.refused("Keep Direction does not go with seams that continue")
         settings.seams = "auto"
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
 
     def test_a_stroke_of_a_brush(self):
-        arm = Arm()
-        image = arm.paint_image()
-        bpy.context.scene.frame_set(5)
-        bpy.ops.vrtm.update()
+        arm = Arm.with_studs()
+        self.update(5)
         asset = arm.asset()
         self.check(arm, asset)
         state = part("states").find_state(arm.object)
@@ -190,8 +168,8 @@ class Solve(Case):
         with mock.patch.object(tile, "update_rigidity", autospec=True, side_effect=tile.update_rigidity) as update:
             arm.painted[1001][30:50, 60:70] = 1
             arm.painted[1001][55, 64] = 0.5
-            image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
-            bpy.ops.vrtm.update()
+            arm.repaint()
+            self.update()
         # The rectangle that has changed, and the same result as that of a map which is set as a whole.
         [call] = update.call_args_list
         self.assertLessEqual(call.args[4:6], (10, 26))

@@ -70,7 +70,7 @@ class Strain(Case):
         amounts = {}
         for which in ("BEFORE", "AFTER"):
             settings.strain = which
-            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            self.update()
             attribute = arm.mesh.color_attributes["vrtm strain"]
             self.assertEqual((attribute.domain, attribute.data_type), ("POINT", "FLOAT_COLOR"))
             colours = read(attribute.data, "color", 4)
@@ -83,11 +83,11 @@ class Strain(Case):
         elastic = prepared.rigidity_of_vertices(prepared.asset.corner_uvs()) == 0
         self.assertLess(amounts["AFTER"][elastic].max(), 1e-6)
         settings.strain_rigid = False
-        bpy.ops.vrtm.update()
+        self.update()
         self.assertGreater(np.abs(np.diff(read(attribute.data, "color", 4)[elastic][:, ::2])).mean(), 0.2)
         settings.strain = "NONE"
         self.assertEqual(len(arm.mesh.color_attributes), 0)
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         self.assertEqual(len(obj.data.color_attributes), 0)
 
     def test_strain_as_data(self):
@@ -97,23 +97,21 @@ class Strain(Case):
         arm.object.vrtm.write_strain = True
         for scale, stretch, squash in (((1, 1, 1), 0, 0), ((1.2, 1.2, 1.2), 0.2, 0), ((0.7, 1.2, 0.7), 0.2, 0.3)):
             arm.rig.pose.bones["upper"].scale = scale
-            bpy.context.view_layer.update()
-            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            self.update()
             attribute = arm.mesh.attributes["vrtm_strain"]
             self.assertEqual((attribute.domain, attribute.data_type), ("POINT", "FLOAT_VECTOR"))
             # The tube is thinner at its end: what is longer along x is so by a little less along the skin.
             self.assertLess(np.abs(read(attribute.data, "vector", 3) - (stretch, squash, 0)).max(), 2e-3)
         arm.mesh.attributes.remove(attribute)
         self.assertIn("'vrtm_strain' is not there", part("results").missing(arm.object))
-        bpy.ops.vrtm.update()
+        self.update()
         bpy.ops.vrtm.remove_all()
         self.assertNotIn("vrtm_strain", arm.mesh.attributes)
 
     def test_strain_before_takes_no_rigidity(self):
         arm = Arm()
         arm.object.vrtm.strain = "BEFORE"
-        bpy.context.scene.frame_set(5)
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update(5)
         self.assertGreater(np.ptp(read(arm.mesh.color_attributes["vrtm strain"].data, "color", 4)[:, 0]), 0.3)
         # Nothing else is written, and the panel does not speak of results.
         self.assertIsNone(arm.object.vrtm.image)
@@ -121,5 +119,4 @@ class Strain(Case):
         status = part("status")
         self.assertEqual(status.headline(arm.object, bpy.context.scene).text, "Nothing is rigid yet")
         arm.object.vrtm.strain = "NONE"
-        with self.assertRaisesRegex(RuntimeError, "choose where the rigidity"):
-            bpy.ops.vrtm.update()
+        self.refused("choose where the rigidity")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,16 +55,15 @@ def part_of(place: int | str, layer: int) -> str:
 def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], int, int]:
     """The files of a bake with the scene's settings, for the node group: the first one of each layer, its frame, and
     the number of frames."""
-    settings, frames = scene.vrtm_bake, frames_of(scene)
+    frames, image = frames_of(scene), obj.vrtm.image
     if frames.step != 1:
         raise Problem("Blender plays sequences without gaps only: bake with Step 1")
-    image = obj.vrtm.image
     if image is None:
         raise Problem(f"{obj.name} has no result image: press Update Now with the Image output on")
     layout = list(image[result_image.LAYOUT])
     place = "tiles" if layout[2:4] != [1, 1] else 1001 + layout[0] + 10 * layout[1]
     parts = [part_of(place, layer) for layer in range(image.get(layers.NUMBER, 1))]
-    folder = Path(bpy.path.abspath(settings.directory))
+    folder = Path(bpy.path.abspath(scene.vrtm_bake.directory))
     for frame in frames:
         for path in [folder / file_name(obj, part, frame) for part in parts]:
             if not path.is_file():
@@ -170,35 +169,26 @@ class Bake(FrameBake):
 
     def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
         asset, layout, parts = self._prepared(obj)
-        positions = geometry.pose(obj, depsgraph)
-        asset.solve(positions, **solve.options_of(obj))
-        facts = {
-            # The mark by which a file is known as one that may be replaced.
-            "vrtm:kind": "redirect",
-            "vrtm:form": "delta",
-            "vrtm:mesh": obj.name,
-            "vrtm:frame": frame,
-            "vrtm:version": session.library().version(),
-        }
+        asset.solve(geometry.pose(obj, depsgraph), **solve.options_of(obj))
         images = [result_image.redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
         written = []
         for place, layer in parts:
-            path = self._path(obj, part_of(place, layer), frame)
+            path = self.folder / file_name(obj, part_of(place, layer), frame)
+            if str(path) not in self.planned:
+                raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
             pixels = images[layer] if place == "tiles" else images[layer][layout.place(place)]
-            of = ({} if place == "tiles" else {"vrtm:udim": place}) | ({"vrtm:layer": layer} if layer else {})
-            save(pixels, path, facts | of)
+            facts = {"vrtm:form": "delta"} | ({} if place == "tiles" else {"vrtm:udim": place})
+            save(pixels, path, obj, "redirect", frame, facts | ({"vrtm:layer": layer} if layer else {}))
             written.append(path)
         return written
 
-    def _path(self, obj: bpy.types.Object, part: str, frame: int) -> Path:
-        path = self.folder / file_name(obj, part, frame)
-        if str(path) not in self.planned:
-            raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
-        return path
 
-
-def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:
-    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all."""
+def save(pixels: np.ndarray, path: Path, obj: bpy.types.Object, kind: str, frame: int, more: Mapping) -> None:
+    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all. It says
+    whose it is, and `more`."""
+    # The kind is the mark by which a file is known as one that may be replaced.
+    facts = {"vrtm:kind": kind, "vrtm:mesh": obj.name, "vrtm:frame": frame, "vrtm:version": session.library().version()}
+    facts |= more
     try:
         session.library("vrtm.bake.staging").write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
     except OSError as error:

@@ -76,7 +76,7 @@ def reason(obj: bpy.types.Object, skin: bpy.types.Object, kind: str) -> str | No
         return "is linked from another file: make it local"
     if obj.mode == "EDIT":
         return "is in Edit Mode: leave it first"
-    if obj.type == "ARMATURE" or obj in parents(skin):
+    if obj.type == "ARMATURE" or skin in obj.children_recursive:
         return f"moves {skin.name} itself"
     if obj.parent is not None and (obj.parent != skin or obj.parent_type != "OBJECT"):
         if obj.parent.vrtm_carry.skin == skin:
@@ -109,14 +109,6 @@ def reason_of_points(obj: bpy.types.Object) -> str | None:
             "(Object > Apply > Visual Geometry to Mesh)"
         )
     return None
-
-
-def parents(obj: bpy.types.Object) -> list[bpy.types.Object]:
-    found = []
-    while obj.parent is not None:
-        obj = obj.parent
-        found.append(obj)
-    return found
 
 
 def mover(obj: bpy.types.Object) -> bpy.types.Modifier | None:

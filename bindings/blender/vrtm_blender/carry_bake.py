@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import carry, carry_nodes, geometry, session, solve, states
+from . import carry, carry_nodes, geometry, solve, states
 from .bake import FrameBake, check_free, file_name, folder_of, save
 from .carriers import Moved
 from .messages import Problem
@@ -53,12 +53,14 @@ class Bake(FrameBake):
         # Keys alone need no folder.
         self.folder = folder_of(scene) if points else Path()
 
+    def _path(self, obj: bpy.types.Object, frame: int) -> Path:
+        return self.folder / file_name(obj, "points", frame, KIND)
+
     def finish(self) -> None:
         for skin in self.objects():
             skin.vrtm.carried_baked = True
             for obj in self._points(skin):
-                path = self.folder / file_name(obj, "points", self.frames[0], KIND)
-                carry_nodes.show_baked(obj, str(path), self.frames[0], self.frames[-1])
+                carry_nodes.show_baked(obj, str(self._path(obj, self.frames[0])), self.frames[0], self.frames[-1])
 
     def give_up(self, left: list[bpy.types.Object]) -> None:
         for skin in left:
@@ -80,12 +82,8 @@ class Bake(FrameBake):
             for obj in self._points(skin):
                 values = texels(len(carry.own_places(obj)))
                 geometry.write(obj.data, carry_nodes.TEXEL, carry.domain_of(obj), "FLOAT_VECTOR", values)
-        outputs = [
-            (str(self.folder / file_name(obj, "points", frame, KIND)), obj.name)
-            for skin in self.objects()
-            for obj in self._points(skin)
-            for frame in self.frames
-        ]
+        points = [obj for skin in self.objects() for obj in self._points(skin)]
+        outputs = [(str(self._path(obj, frame)), obj.name) for obj in points for frame in self.frames]
         if len({path.casefold() for path, _ in outputs}) < len(outputs):
             raise Problem("two carried objects have names that make the same file names: rename one")
         check_free(outputs, self.overwrite)
@@ -102,10 +100,8 @@ class Bake(FrameBake):
             if obj.vrtm_carry.kind == "OBJECT":
                 _key(obj, own, frame)
                 continue
-            path = self.folder / file_name(obj, "points", frame, KIND)
-            facts = {"vrtm:kind": KIND, "vrtm:mesh": skin.name, "vrtm:frame": frame}
-            save(picture(own.places, own.turns), path, facts | {"vrtm:version": session.library().version()})
-            written.append(path)
+            written.append(self._path(obj, frame))
+            save(picture(own.places, own.turns), written[-1], skin, KIND, frame, {})
         return written
 
 

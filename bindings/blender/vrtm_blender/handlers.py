@@ -134,11 +134,6 @@ def file_closes(*_) -> None:
 
 
 @persistent
-def file_loaded(*_) -> None:
-    want_all()
-
-
-@persistent
 def file_saves(*_) -> None:
     """save_pre"""
     states.forget_gone()
@@ -146,7 +141,9 @@ def file_saves(*_) -> None:
     keep.tell_unsaved()
 
 
-def want_all() -> None:
+@persistent
+def want_all(*_) -> None:
+    """load_post"""
     if session.synchronous():
         return
     for obj in bpy.data.objects:
@@ -163,7 +160,7 @@ HANDLERS = {
     "undo_post": undone,
     "redo_post": undone,
     "load_pre": file_closes,
-    "load_post": file_loaded,
+    "load_post": want_all,
     "save_pre": file_saves,
 }
 

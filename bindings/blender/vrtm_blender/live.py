@@ -77,9 +77,7 @@ def _start_timer() -> None:
 def stop(obj: bpy.types.Object) -> None:
     state = states.find_state(obj)
     if state is not None:
-        if state.job is not None:
-            state.job.cancel()
-        state.wanted = False
+        state.cancel_job()
         state.say("")
 
 
@@ -117,9 +115,7 @@ def step(state: State) -> None:
         elif state.doubted and state.job is None and time.monotonic() >= state.next_look:
             look(obj, state)
     except Exception as error:  # a timer that raises is never called again, and the artist has to be told.
-        state.wanted = False
-        if state.job is not None:
-            state.job.cancel()
+        state.cancel_job()
         tell(state, text_of(error), error=True)
         if not isinstance(error, Problem):
             session.log.warning("%s: %s", obj.name, text_of(error), exc_info=not hasattr(error, "status_name"))
@@ -148,9 +144,7 @@ def collect(obj: bpy.types.Object, state: State) -> None:
     """Submits the object's present pose, unless it is shown or under way already."""
     if obj.mode == "EDIT":
         # Leaving Edit Mode is an update of the mesh, which asks again.
-        if state.job is not None:
-            state.job.cancel()
-        state.wanted = False
+        state.cancel_job()
         tell(state, "In Edit Mode: results are computed when you leave it")
         return
     layer = bpy.context.view_layer

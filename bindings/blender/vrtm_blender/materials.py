@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import bpy
 
@@ -180,23 +180,25 @@ def remove(material: bpy.types.Material) -> int:
 def redirected(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     """The Image Texture nodes with an image that are looked up at UVs out of a group of this add-on."""
     trees = nodes.reach(tree, alone=False)
-
-    def is_behind(socket: bpy.types.NodeSocket, seen: set[bpy.types.Node]) -> bool:
-        for link in socket.links:
-            node = link.from_node
-            if nodes.is_ours(node):
-                return True
-            if node.bl_idname == "NodeGroupInput":
-                before = _outside(link, trees)
-            else:
-                before = [] if node in seen else list(node.inputs)
-                seen.add(node)
-            if any(is_behind(other, seen) for other in before):
-                return True
-        return False
-
     textures = [node for inner in trees for node in nodes.own_textures(inner) if node.image is not None]
-    return [node for node in textures if is_behind(node.inputs["Vector"], set())]
+    ahead = [(node, _upstream(node.inputs["Vector"], trees, set())) for node in textures]
+    return [node for node, links in ahead if any(nodes.is_ours(link.from_node) for link in links)]
+
+
+def _upstream(
+    socket: bpy.types.NodeSocket, trees: dict[bpy.types.NodeTree, bpy.types.Node | None], seen: set[bpy.types.Node]
+) -> Iterator[bpy.types.NodeLink]:
+    """The links upstream of a socket, within the artist's groups and out of them, up to groups of this add-on."""
+    for link in socket.links:
+        yield link
+        node = link.from_node
+        if node.bl_idname == "NodeGroupInput":
+            before = _outside(link, trees)
+        else:
+            before = [] if node in seen or nodes.is_ours(node) else list(node.inputs)
+            seen.add(node)
+        for other in before:
+            yield from _upstream(other, trees, seen)
 
 
 def _outside(link: bpy.types.NodeLink, trees: dict[bpy.types.NodeTree, bpy.types.Node | None]) -> list:
@@ -249,24 +251,10 @@ def _instance(group, source, instances):
     return node.outputs["UV"]
 
 
-def _uv_links(socket, name, renders, trees, seen=None):
+def _uv_links(socket, name, renders, trees):
     """The links, upstream of a socket, that begin at the mesh's UV map `name`."""
-    seen = set() if seen is None else seen
-    found = []
-    for link in socket.links:
-        node = link.from_node
-        if nodes.is_ours(node):
-            continue
-        if _hands_out(node, link.from_socket, name, renders):
-            found.append(link)
-        elif node.bl_idname == "NodeGroupInput":
-            for outer in _outside(link, trees):
-                found += _uv_links(outer, name, renders, trees, seen)
-        elif node not in seen:
-            seen.add(node)
-            for upstream in node.inputs:
-                found += _uv_links(upstream, name, renders, trees, seen)
-    return found
+    ahead = _upstream(socket, trees, set())
+    return [link for link in ahead if _hands_out(link.from_node, link.from_socket, name, renders)]
 
 
 def _hands_out(node, socket, name, renders):

@@ -19,8 +19,7 @@ BY_IMAGE, BY_UV_MAP = "image", "uv_map"
 
 def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
     """The result image of a group, also while it shows baked files: that of one of its nodes, whatever it is called."""
-    images = [node.image for node in _textures(tree) if node.image is not None]
-    return next((image for image in images if result_image.LAYOUT in image and layers.is_first(image)), None)
+    return next((image for image in _results_in(tree) if layers.is_first(image)), None)
 
 
 def baked_images() -> set[bpy.types.Image]:
@@ -90,16 +89,13 @@ def _textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
 
 
-def _images_in(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
-    return {node.image for node in _textures(tree)} - {None}
-
-
 def _baked_of(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
-    return {image for image in _images_in(tree) if result_image.LAYOUT not in image}
+    images = {node.image for node in _textures(tree)} - {None}
+    return {image for image in images if not result_image.is_result(image)}
 
 
 def _results_in(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
-    return {image for image in _images_in(tree) if result_image.LAYOUT in image}
+    return {node.image for node in _textures(tree) if result_image.is_result(node.image)}
 
 
 def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
@@ -152,19 +148,28 @@ def _mixed(tree: bpy.types.NodeTree, x: float, y: float, *sources: bpy.types.Nod
 def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int) -> None:
     """Has the object's group read sequences of baked files, one for each layer, from the files of frame `first` on,
     instead of the result images."""
-    tree = group_by_image(obj)
-    before = _baked_of(tree)
     baked = []
     for layer, path in enumerate(paths):
         image = packed.from_file(path, "SEQUENCE")
         image.name = f"{obj.vrtm.image.name} baked" + (f" layer {layer}" if layer else "")
         baked.append(image)
-    for node in build_by_image(tree, obj, baked):
+    for node in rebuild(obj, baked):
         user = node.image_user
         # So that each frame shows the file with its number.
         user.frame_start, user.frame_offset, user.frame_duration = first, first - 1, number
         user.use_cyclic, user.use_auto_refresh = False, True
-    _remove_unused(before)
+
+
+def rebuild(obj: bpy.types.Object, baked: list[bpy.types.Image] | None = None) -> list[bpy.types.Node]:
+    """Has the object's group read images of baked files, or else the result image again; returns the texture nodes.
+    Images of baked files that nothing reads any more are removed."""
+    tree = group_by_image(obj)
+    before = _baked_of(tree)
+    made = build_by_image(tree, obj, baked)
+    for image in before:
+        if not image.users:
+            bpy.data.images.remove(image)
+    return made
 
 
 def baked_frames(obj: bpy.types.Object) -> range | None:
@@ -186,20 +191,6 @@ def _sequences(obj: bpy.types.Object) -> list[bpy.types.Node]:
     """The nodes of baked files in the object's groups, if it shows them."""
     nodes = [node for tree in groups_of(obj) if obj.vrtm.shows_baked for node in _textures(tree)]
     return [node for node in nodes if node.image is not None and node.image.source == "SEQUENCE"]
-
-
-def show_live(obj: bpy.types.Object) -> None:
-    """Has the object's group read the result image again."""
-    tree = group_by_image(obj)
-    before = _baked_of(tree)
-    build_by_image(tree, obj)
-    _remove_unused(before)
-
-
-def _remove_unused(images: set[bpy.types.Image]) -> None:
-    for image in images:
-        if not image.users:
-            bpy.data.images.remove(image)
 
 
 def is_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bool:

@@ -85,11 +85,8 @@ class VRTM_PT_quality(_Part, bpy.types.Panel):
             # Longer words are cut at the panel's usual width.
             column.prop(settings, name)
             column.prop(settings, f"render_{name}", text="Render")
-        layout.prop(settings, "device")
-        layout.prop(settings, "measure")
-        layout.prop(settings, "overlaps")
-        layout.prop(settings, "seams")
-        layout.prop(settings, "open_borders")
+        for name in ("device", "measure", "overlaps", "seams", "open_borders"):
+            layout.prop(settings, name)
         if settings.seams in ("auto", "continue") or settings.open_borders in ("auto", "slide"):
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")

@@ -81,18 +81,17 @@ class State:
             self.inputs.give_back(job.inputs)
         return job
 
+    def cancel_job(self) -> None:
+        """Has the job end soon, if there is one, and nothing wanted any more."""
+        if self.job is not None:
+            self.job.cancel()
+        self.wanted = False
+
     def end_job(self) -> None:
         """Cancels the job, if there is one, and waits for its end: milliseconds, unless a mesh is being prepared."""
         if self.job is not None:
             self.job.close()
             self.take_job()
-
-    def end_asset(self) -> None:
-        self.end_job()
-        self.prepared.close()
-        self.inputs.take()
-        self.stamps.clear()
-        self.shown = b""
 
     @property
     def progress(self) -> str:
@@ -134,7 +133,8 @@ def object_of(state: State) -> bpy.types.Object | None:
 def drop(uid: int) -> None:
     state = known.pop(uid, None)
     if state is not None:
-        state.end_asset()
+        state.end_job()
+        state.prepared.close()
 
 
 def forget_gone() -> None:

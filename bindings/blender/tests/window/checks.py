@@ -8,8 +8,10 @@ from collections.abc import Iterator
 
 import bpy
 import numpy as np
-from driver import OUT, area, at, part, picture, press, until, window
+from driver import OUT, area, at, picture, press, until, window
 from mathutils import Quaternion
+
+from support import in_file, load, part, pixels
 
 
 def sample_file() -> bpy.types.Object:
@@ -82,19 +84,8 @@ def set_up(grid: int = 256) -> Iterator[float]:
     return obj
 
 
-def pixels(image: bpy.types.Image) -> np.ndarray:
-    values = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(values)
-    return values
-
-
-def rendered(engine: str, name: str) -> Iterator[float]:
-    """A render as F12 makes it: by a thread, while the window goes on. Returns the picture's pixels."""
-    scene, path = window().scene, f"{OUT}/{name}.exr"
-    scene.render.engine, scene.render.filepath, scene.render.resolution_percentage = engine, path, 50
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
-    if engine.startswith("BLENDER_EEVEE"):
-        scene.eevee.taa_render_samples, scene.eevee.use_shadows = 4, False
+def render(**options) -> Iterator[float]:
+    """A render as F12 makes it: by a thread, while the window goes on."""
     done = []
 
     def complete(*_) -> None:
@@ -102,15 +93,22 @@ def rendered(engine: str, name: str) -> Iterator[float]:
 
     bpy.app.handlers.render_complete.append(complete)
     with at("VIEW_3D"):
-        bpy.ops.render.render("INVOKE_DEFAULT", write_still=True)
+        bpy.ops.render.render("INVOKE_DEFAULT", **options)
     yield from until(lambda: done, 120)
     if complete in bpy.app.handlers.render_complete:
         bpy.app.handlers.render_complete.remove(complete)
+
+
+def rendered(engine: str, name: str) -> Iterator[float]:
+    """The pixels of a rendered picture."""
+    scene, path = window().scene, f"{OUT}/{name}.exr"
+    scene.render.engine, scene.render.filepath, scene.render.resolution_percentage = engine, path, 50
+    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
+    if engine.startswith("BLENDER_EEVEE"):
+        scene.eevee.taa_render_samples, scene.eevee.use_shadows = 4, False
+    yield from render(write_still=True)
     yield 0.5
-    image = bpy.data.images.load(path)
-    found = pixels(image).reshape(image.size[1], image.size[0], -1)
-    bpy.data.images.remove(image)
-    return found
+    return load(path)
 
 
 class Draws:
@@ -197,7 +195,7 @@ def check_eevee():
     yield 5
     before = yield from rendered("BLENDER_EEVEE_NEXT", "before")
     result, name = pixels(obj.vrtm.image), obj.vrtm.image.name
-    assert np.abs(result).max() < 1.01 and result.reshape(-1, 4)[:, :2].any()
+    assert np.abs(result).max() < 1.01 and result[..., :2].any()
     obj.vrtm.in_renders = obj.vrtm.live = False
     for round_ in range(2):
         with at("VIEW_3D"):
@@ -206,9 +204,7 @@ def check_eevee():
         yield 3
         obj = bpy.data.objects["skin"]
         assert obj.vrtm.image is not None and obj.vrtm.image.name == name
-        # A file has floats of 16 bits.
-        kept = result.astype(np.float16).astype(np.float32)
-        assert np.array_equal(pixels(obj.vrtm.image), kept), "the result is another one after saving"
+        assert np.array_equal(pixels(obj.vrtm.image), in_file(result)), "the result is another one after saving"
         after = yield from rendered("BLENDER_EEVEE_NEXT", f"after.{round_}")
         # A tenth of a texel of the sample's texture, across its steepest edges.
         assert np.abs(after - before).max() < 0.05, np.abs(after - before).max()
@@ -250,11 +246,7 @@ def check_frames():
     # An animation: the viewport has its frame again.
     scene.frame_start, scene.frame_end, scene.render.filepath = 15, 17, f"{OUT}/frame."
     scene.render.engine = "BLENDER_WORKBENCH"
-    done = []
-    bpy.app.handlers.render_complete.append(lambda *_: done.append(1))
-    with at("VIEW_3D"):
-        bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
-    yield from until(lambda: done, 120)
+    yield from render(animation=True)
     yield from solved(obj)
     yield 0.5
     assert scene.frame_current == 12 and np.array_equal(pixels(obj.vrtm.image), twelve)
@@ -364,7 +356,7 @@ def check_paint():
         bpy.ops.vrtm.new_rigidity("INVOKE_DEFAULT", size=256)
     yield from says(obj, "Nothing is rigid yet")
     assert part("status").summary(obj).endswith("0 % rigid")
-    assert not pixels(obj.vrtm.image).reshape(-1, 4)[:, :2].any()
+    assert not pixels(obj.vrtm.image)[..., :2].any()
     with at("VIEW_3D"):
         bpy.ops.vrtm.paint("INVOKE_DEFAULT")
         # Operators out of scripts make no undo step.
@@ -387,10 +379,10 @@ def check_paint():
         yield 0.1
     press("mouseup", "1")
     yield 1
-    painted = pixels(obj.vrtm.rigidity_image).reshape(-1, 4)[:, 0]
+    painted = pixels(obj.vrtm.rigidity_image)[..., 0]
     picture("paint")
     assert painted.max() > 0.5, "the stroke did not paint"
-    yield from until(lambda: pixels(bpy.data.objects["skin"].vrtm.image).reshape(-1, 4)[:, :2].any())
+    yield from until(lambda: pixels(bpy.data.objects["skin"].vrtm.image)[..., :2].any())
     yield from solved(obj)
     picture("paint")
     assert not part("status").summary(obj).endswith(" 0 % rigid")
@@ -400,4 +392,4 @@ def check_paint():
     yield 1
     obj = bpy.data.objects["skin"]
     yield from says(obj, "Nothing is rigid yet")
-    assert not pixels(obj.vrtm.image).reshape(-1, 4)[:, :2].any(), "the undo of the stroke is not followed"
+    assert not pixels(obj.vrtm.image)[..., :2].any(), "the undo of the stroke is not followed"

@@ -13,16 +13,11 @@ from collections.abc import Callable, Iterator
 import bpy
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-# The checks, and the sample's script.
-sys.path[:0] = [HERE, os.path.dirname(os.path.dirname(HERE))]
+# The checks, and what the tests share.
+sys.path[:0] = [HERE, os.path.dirname(HERE)]
+from support import EXTENSION  # noqa: E402
 
 OUT = "/out"
-EXTENSION = "bl_ext.user_default.vrtm"
-
-
-def part(name: str):
-    """A module of the add-on."""
-    return sys.modules[f"{EXTENSION}.{name}"]
 
 
 def install() -> None:

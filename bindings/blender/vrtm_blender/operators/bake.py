@@ -35,7 +35,7 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
     makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        nodes.show_live(obj)
+        nodes.rebuild(obj)
         obj.vrtm.shows_baked = False
         # Whatever became of the image meanwhile.
         states.state_of(obj).rewrite = True
@@ -125,15 +125,14 @@ class BakesFrames(Polled):
         self.end(context)
         return self.finish()
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends the operator, as when a file is loaded."""
-        self.end(context)
-
     def end(self, context: bpy.types.Context) -> None:
         self._steps.close()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         messages.status(None)
+
+    # Blender ends the operator itself, as when a file is loaded.
+    cancel = end
 
     def fail(self, error: Exception) -> set[str]:
         self.report({"ERROR"}, f"Bake: {text_of(error)}; {self._frames} frames are written")

@@ -105,12 +105,6 @@ class _Carry(OnObject):
         things = f"{number} object{'s' * (number > 1)}"
         return [f"carries {things} ({places} place{'s' * (places > 1)} bound) within {farthest:.3g} of the skin"], lines
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        for name in ("farthest", "fit", "skirt"):
-            layout.prop(self, name)
-
 
 class VRTM_OT_carry(_Carry, bpy.types.Operator):
     """Have the selected objects ride on the skin of the active one: each as a whole, and scatters, point clouds and
@@ -132,10 +126,6 @@ class VRTM_OT_carry(_Carry, bpy.types.Operator):
     def kind(self, obj: bpy.types.Object) -> str:
         return carry.kind_of(obj) if self.how == "AUTO" else self.how
 
-    def draw(self, context: bpy.types.Context) -> None:
-        super().draw(context)
-        self.layout.prop(self, "how")
-
 
 class VRTM_OT_wrap(_Carry, bpy.types.Operator):
     """Have each vertex of the selected meshes ride on the skin of the active one, as modelled scales or chain mail:
@@ -154,10 +144,6 @@ class VRTM_OT_wrap(_Carry, bpy.types.Operator):
     def kind(self, obj: bpy.types.Object) -> str:
         return "POINTS"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        super().draw(context)
-        self.layout.prop(self, "pieces")
-
 
 class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):
     """Put carried things back to their places before: the selected ones, or, with the skin alone selected, all of
@@ -169,16 +155,13 @@ class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):
 
     @classmethod
     def why_not(cls, context: bpy.types.Context) -> str | None:
-        return None if cls.found(context) else "Nothing that is selected is carried, or carries"
+        return None if cls.objects(context) else "Nothing that is selected is carried, or carries"
 
     @staticmethod
-    def found(context: bpy.types.Context) -> list[bpy.types.Object]:
+    def objects(context: bpy.types.Context) -> list[bpy.types.Object]:
         chosen = list(dict.fromkeys([*context.selected_objects, *filter(None, [context.object])]))
         own = [obj for obj in chosen if obj.vrtm_carry.kind != "NONE" and obj.library is None]
         return own or [obj for skin in chosen for obj in carry.carried_by(skin)]
-
-    def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        return self.found(context)
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         let_go(obj)
@@ -192,11 +175,6 @@ def let_go(obj: bpy.types.Object) -> None:
         if not carry.carried_by(skin):
             skin.vrtm.carried_baked = False
         live.touch_carried(skin)
-
-
-def let_all_go(skin: bpy.types.Object) -> None:
-    for obj in carry.carried_by(skin):
-        let_go(obj)
 
 
 class VRTM_OT_carry_bake(BakesFrames, bpy.types.Operator):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import geometry, keep, layer_nodes, layers, overlay, result_image, results, states, tap
+from .. import carry, geometry, keep, layer_nodes, layers, overlay, result_image, results, states, tap
 from .base import OnObject
-from .carry import let_all_go
+from .carry import let_go
 from .material import clear, set_up
 from .rigidity import new_image, paint
 
@@ -93,7 +93,8 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, mesh = obj.vrtm, obj.data
-        let_all_go(obj)
+        for carried in carry.carried_by(obj):
+            let_go(carried)
         states.drop(obj.session_uid)
         _, kept = clear(obj)
         others, image = [other for other in bpy.data.objects if other != obj], settings.image

@@ -68,9 +68,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
             self.end(context)
             return {"CANCELLED"}
         if event.type == "ESC":
-            state.wanted = False
-            if state.job is not None:
-                state.job.cancel()
+            state.cancel_job()
             live.doubt()
             self.end(context)
             self.report({"WARNING"}, f"{state.name}: the update was ended; what is shown is the result before it")
@@ -88,16 +86,15 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
         self.report({"INFO"}, self.told(state))
         return {"FINISHED"}
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends the operator, as when a file is loaded."""
-        self.end(context)
-
     def end(self, context: bpy.types.Context) -> None:
         self._running.discard(self._uid)
         context.window_manager.event_timer_remove(self._timer)
         context.window.cursor_modal_restore()
         messages.status(None)
         live.redraw()
+
+    # Blender ends the operator itself, as when a file is loaded.
+    cancel = end
 
 
 class VRTM_OT_capture_rest(OnObject, bpy.types.Operator):
