@@ -54,13 +54,15 @@ def scales(stage: Usd.Stage, places: np.ndarray = PLACES, path: str = SCALES) ->
 
 def bake(
     folder: Path,
-    stage: Usd.Stage,
+    stage: Usd.Stage | None,
     *more: object,
     expect: int | None = 0,
     file: str = "skin.usda",
-    meshes: str = MESH,
+    meshes: str = "skin",
 ) -> str:
-    stage.Save()
+    """Output of a bake of a scene in a folder; `stage`: is saved before."""
+    if stage is not None:
+        stage.Save()
     arguments = ("--rigidity", folder / "rigid.png", "--size", 32, "--meshes", meshes, "--device", "cpu", "--jobs", 1)
     ended = run("bake", folder / file, *arguments, "--out", folder / "out", *more, expect=expect)
     return ended.stdout + ended.stderr
