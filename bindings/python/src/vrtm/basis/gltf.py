@@ -61,7 +61,6 @@ def glb(
     times: np.ndarray,
     weights: np.ndarray,
     generator: str,
-    extras: dict | None = None,
 ) -> bytes:
     """The bytes of a file. `positions`: (vertices, 3) at rest. `uvs`: (vertices, 2) within their tile, v up. `tiles`:
     the triangles (count, 3) of each, by the name of its material. `times`: (frames,) in seconds, ascending; `weights`:
@@ -99,8 +98,6 @@ def glb(
         sampler = {"input": buffer.add(times, limits=True), "output": buffer.add(weights.reshape(-1))}
         channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
         document["animations"] = [{"name": "motion", "samplers": [sampler], "channels": [channel]}]
-    if extras:
-        mesh.setdefault("extras", {}).update(extras)
     document |= {
         "buffers": [{"byteLength": len(buffer.data)}],
         "bufferViews": buffer.views,

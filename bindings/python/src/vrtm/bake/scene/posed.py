@@ -11,9 +11,8 @@ import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
-from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import bare_faces, matches, unique_names, without_uvs
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source, frame_number
 from vrtm.bake.words import near
 
 _LOOKED_AT = 10_000
@@ -180,17 +179,13 @@ class PosedMesh:
 Mesh = TypeVar("Mesh", bound=PosedMesh)
 
 
-class PosedSource(Generic[Mesh]):
+class PosedSource(Source, Generic[Mesh]):
     """The meshes of a scene of USD or Alembic. See `vrtm.bake.scene.Scene`."""
 
     has_subframes = True
-    frames: Sequence[int]
-    clock: Clock
 
     def __init__(self, path: str, options: SceneOptions) -> None:
-        self.warnings: list[str] = []
-        self.left_out: list[LeftOut] = []
-        self.path, self.options = path, options
+        super().__init__(path, options)
         self._paths: list[str] = []
         self._named: set[str] = set()
 
@@ -270,11 +265,9 @@ class PosedSource(Generic[Mesh]):
         return mesh.to_world(mesh.rest_frame if frame is None else frame)
 
     def places(self, shape: Shape) -> list[np.ndarray]:
-        """See `vrtm.bake.scene.Scene`."""
         return [mesh.to_place(self._meshes[shape.name]) for mesh in self._instances[shape.name]]
 
     def bystanders(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """See `vrtm.bake.scene.Scene`."""
         for mesh in self._unbaked():
             # One that cannot be read has no place.
             with suppress(SceneError):
