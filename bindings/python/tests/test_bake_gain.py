@@ -131,13 +131,9 @@ def test_layers_that_gain_nothing_keep_the_material(
     mesh = stage.GetPrimAtPath(TOY)
     for prim in (mesh, *mesh.GetChildren()):
         material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
-        assets = {
-            str(attribute.Get(frame).path)
-            for node in Usd.PrimRange(material.GetPrim())
-            for attribute in node.GetAttributes()
-            if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset
-            for frame in (1, FRAMES)
-        }
+        every = (attribute for node in Usd.PrimRange(material.GetPrim()) for attribute in node.GetAttributes())
+        of_files = (attribute for attribute in every if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset)
+        assets = {str(attribute.Get(frame).path) for attribute in of_files for frame in (1, FRAMES)}
         named[prim.GetName()] = assets
         for asset in assets - {"colour.<UDIM>.exr", "colour.<UDIM>.png"}:
             assert (tmp_path / asset.replace("<UDIM>", "1001")).is_file(), asset

@@ -127,11 +127,9 @@ class AlembicScatter(Scatter):
         why = wrong(points, curves)
         if why is not None:
             return why
-        self.warnings += [
-            f"{path}: {name} stays as it is: archives do not agree on the order of a quaternion's numbers"
-            for name in posed.params()
-            if kind == "Points" and posed.interpretation(name) == "quat"
-        ]
+        odd = [name for name in posed.params() if kind == "Points" and posed.interpretation(name) == "quat"]
+        why = "stays as it is: archives do not agree on the order of a quaternion's numbers"
+        self.warnings += [f"{path}: {name} {why}" for name in odd]
         self._carried.add(path)
         faces = posed.faces(0) if _KINDS[kind] == "mesh" and in_parts else None
         return made(path, _KINDS[kind], points, curves, None, faces)

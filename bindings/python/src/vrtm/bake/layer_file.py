@@ -63,10 +63,8 @@ def write(work: Work) -> tuple[list[str], Failure | None, Callable[[], Iterator[
     if wrong:
         message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
         return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}"), compared
-    message = (
-        f"--layer {settings.layer}: {len(gone)} of the files that it names do not exist, such as {gone[0]}: bake all "
-        "tiles of its meshes, and all of its frames, into the same folder"
-    )
+    message = f"--layer {settings.layer}: {len(gone)} of the files that it names do not exist, such as {gone[0]}: "
+    message += "bake all tiles of its meshes, and all of its frames, into the same folder"
     return warnings, Failure(TOLERANCE, message), compared
 
 

@@ -72,11 +72,8 @@ class Neighbours:
         near = np.maximum(self._rounding, max(least, self._rounding[number]))[:, None]
         low, high = edge.points.min(axis=0) - near, edge.points.max(axis=0) + near
         around = np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))
-        return any(
-            edge.meets(self._world(other).within(low[other], high[other]), near[other, 0])
-            for other in around
-            if other != number
-        )
+        others = around[around != number]
+        return any(edge.meets(self._world(of).within(low[of], high[of]), near[of, 0]) for of in others)
 
 
 def _boxes(rest: np.ndarray, to_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

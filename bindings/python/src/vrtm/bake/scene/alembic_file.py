@@ -46,10 +46,9 @@ class AlembicFile:
         except RuntimeError as error:
             with open(path, "rb") as file:
                 if file.read(len(HDF5)) == HDF5:
-                    raise SceneError(
-                        f"{path}: an Alembic file in HDF5, the format before Ogawa, which this reader does not have: "
-                        "convert it with 'abcconvert -toOgawa IN.abc OUT.abc', or write it as Ogawa"
-                    ) from error
+                    told = "an Alembic file in HDF5, the format before Ogawa, which this reader does not have: "
+                    told += "convert it with 'abcconvert -toOgawa IN.abc OUT.abc', or write it as Ogawa"
+                    raise SceneError(f"{path}: {told}") from error
             raise SceneError(f"{path}: not an Alembic file ({error})") from error
         self.path = path
 
@@ -187,9 +186,8 @@ class AlembicMesh:
             before, share = after, 0.0
         if expected is not None and str(self.schema.getTopologyVariance()) == "kHeterogenousTopology":
             for index in {before, after}:
-                where = (
-                    f"{self.where}: sample {index} ({self._sampling.getSampleTime(index):.4f} s): the topology changes"
-                )
+                time = self._sampling.getSampleTime(index)
+                where = f"{self.where}: sample {index} ({time:.4f} s): the topology changes"
                 check_faces(where, *self.faces(index), *expected)
         first = self.sample(before)
         if share == 0:

@@ -9,7 +9,7 @@ a white one.
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -68,22 +68,10 @@ class ObjSource(Source):
             raise SceneError(f"{path}: an OBJ file has no rest pose of the kind '{options.rest}'")
         elif options.rest is not None:
             rest, _ = rest_from_file(options.rest, path, self._mesh.counts, self._mesh.indices, len(rest))
-        self.shapes = (
-            Shape(
-                name=name,
-                path=path,
-                rest=rest,
-                face_counts=self._mesh.counts,
-                indices=self._mesh.indices,
-                uvs=self._mesh.uvs,
-                uv_indices=self._mesh.uv_indices,
-                uv_name="vt",
-                vertex_rigidity=self._colours(options.rigidity_primvar),
-                vertex_mask=self._colours(options.mask_primvar),
-                instances=(path,),
-                rest_from=rest_from,
-            ),
-        )
+        arrays = (rest, self._mesh.counts, self._mesh.indices, self._mesh.uvs, self._mesh.uv_indices)
+        rigidity, mask = map(self._colours, (options.rigidity_primvar, options.mask_primvar))
+        made = Shape(name, path, *arrays, "vt", vertex_rigidity=rigidity, vertex_mask=mask, rest_from=rest_from)
+        self.shapes = (replace(made, instances=(path,)),)
 
     def _colours(self, name: str | None) -> np.ndarray | None:
         if name is None:

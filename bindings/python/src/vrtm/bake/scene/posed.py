@@ -157,23 +157,9 @@ class PosedMesh:
             counts, indices, points, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
             corners, rest = refined.cage_corners, refined.points(rest)
             rigidity, mask = (None if of is None else refined.points(of) for of in (rigidity, mask))
-        return Shape(
-            name,
-            self.path,
-            rest,
-            counts,
-            indices,
-            points,
-            uv_indices,
-            vertex_rigidity=rigidity,
-            vertex_mask=mask,
-            instances=instances,
-            rest_from=rest_from,
-            still=not self.deforms,
-            cage_corners=corners,
-            scheme=scheme if scheme != "bilinear" else "",
-            **further,
-        )
+        further |= {"vertex_rigidity": rigidity, "vertex_mask": mask, "cage_corners": corners, "instances": instances}
+        further |= {"rest_from": rest_from, "still": not self.deforms, "scheme": scheme if scheme != "bilinear" else ""}
+        return Shape(name, self.path, rest, counts, indices, points, uv_indices, **further)
 
 
 Mesh = TypeVar("Mesh", bound=PosedMesh)
