@@ -53,9 +53,6 @@ def test_layouts(device, model, expected):
         assert np.array_equal(solved(device, model, pose=pose), expected), name
     for name, rest in layouts(model.rest).items():
         assert np.array_equal(solved(device, model, positions=rest), expected), name
-
-
-def test_f32(device, model):
     narrow = model.pose.astype(np.float32)
     assert np.array_equal(solved(device, model, pose=narrow), solved(device, model, pose=narrow.astype(float)))
 

@@ -38,6 +38,11 @@ def scene(folder: Path, radius: float = 0.0) -> Usd.Stage:
     return stage
 
 
+@pytest.fixture
+def stage(tmp_path: Path) -> Usd.Stage:
+    return scene(tmp_path)
+
+
 def scales(stage: Usd.Stage, places: np.ndarray = PLACES, path: str = SCALES) -> UsdGeom.PointInstancer:
     """Instances with orientations of their own."""
     of = UsdGeom.PointInstancer.Define(stage, path)
@@ -54,13 +59,15 @@ def scales(stage: Usd.Stage, places: np.ndarray = PLACES, path: str = SCALES) ->
 
 def bake(
     folder: Path,
-    stage: Usd.Stage,
+    stage: Usd.Stage | None,
     *more: object,
     expect: int | None = 0,
     file: str = "skin.usda",
-    meshes: str = MESH,
+    meshes: str = "skin",
 ) -> str:
-    stage.Save()
+    """Output of a bake of a scene in a folder; `stage`: is saved before."""
+    if stage is not None:
+        stage.Save()
     arguments = ("--rigidity", folder / "rigid.png", "--size", 32, "--meshes", meshes, "--device", "cpu", "--jobs", 1)
     ended = run("bake", folder / file, *arguments, "--out", folder / "out", *more, expect=expect)
     return ended.stdout + ended.stderr
@@ -89,8 +96,7 @@ def turns_at(folder: Path, frame: int) -> list[np.ndarray]:
     return [np.array(Gf.Matrix3d(Gf.Quatd(Gf.Quatf(q)).GetNormalized())).T for q in of]
 
 
-def test_instances_ride_on_a_stretched_plane(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_instances_ride_on_a_stretched_plane(tmp_path: Path, stage: Usd.Stage) -> None:
     before = [np.array(Gf.Matrix3d(Gf.Quatd(Gf.Quatf(q)))).T for q in scales(stage).GetOrientationsAttr().Get()]
     said = bake(tmp_path, stage, "--carry-prims", SCALES)
     assert "carries 4 places, 0 rigid features; 0 outside of UVs, 0 too far" in said
@@ -108,8 +114,7 @@ def test_instances_ride_on_a_stretched_plane(tmp_path: Path) -> None:
     assert Sdf.Layer.FindOrOpen(str(tmp_path / "out" / "carried.usdc")).timeCodesPerSecond == 25
 
 
-def test_transforms_above_both(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_transforms_above_both(tmp_path: Path, stage: Usd.Stage) -> None:
     scales(stage)
     whole = UsdGeom.Xformable(stage.GetPrimAtPath("/model"))
     whole.AddTranslateOp().Set(Gf.Vec3d(5, 6, 7))
@@ -173,8 +178,7 @@ def test_a_stud_on_a_painted_feature_keeps_its_edges(tmp_path: Path) -> None:
     assert (lengths(tmp_path, edges, 2) / rest).max() > 1.45, "with the skin alone it is stretched"
 
 
-def test_curves_keep_their_shape_and_points_are_on_the_skin(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_curves_keep_their_shape_and_points_are_on_the_skin(tmp_path: Path, stage: Usd.Stage) -> None:
     hair = UsdGeom.BasisCurves.Define(stage, "/model/fur/hair")
     hair.CreateTypeAttr("linear")
     hair.CreateCurveVertexCountsAttr([3, 2])
@@ -189,8 +193,7 @@ def test_curves_keep_their_shape_and_points_are_on_the_skin(tmp_path: Path) -> N
     np.testing.assert_allclose(values(tmp_path, "/model/fur/dots", 2), posed(PLACES), atol=1e-5)
 
 
-def test_what_is_far_is_told_and_stays(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_what_is_far_is_told_and_stays(tmp_path: Path, stage: Usd.Stage) -> None:
     places = np.concatenate([PLACES, [(0.5, 0.5, 0.2), (0.5, 0.5, 3)]])
     scales(stage, places)
     said = bake(tmp_path, stage, "--carry-prims", SCALES)
@@ -202,9 +205,8 @@ def test_what_is_far_is_told_and_stays(tmp_path: Path) -> None:
     np.testing.assert_allclose(values(tmp_path, SCALES, 2), [*posed(places[:5]), places[5]], atol=1e-5)
 
 
-def test_what_is_inside_an_instance_is_opened_up(tmp_path: Path) -> None:
+def test_what_is_inside_an_instance_is_opened_up(tmp_path: Path, stage: Usd.Stage) -> None:
     """An instance in another one, which has the skin, too, and one beside it that stays."""
-    stage = scene(tmp_path)
     scales(stage)
     stage.GetRootLayer().Export(str(tmp_path / "asset.usda"))
     stage.RemovePrim("/model")
@@ -238,8 +240,7 @@ def changing(stage: Usd.Stage) -> None:
     hair.CreateCurveVertexCountsAttr([0, 4, 0])
 
 
-def test_what_cannot_be_bound_is_left_out_and_stops_no_map(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_what_cannot_be_bound_is_left_out_and_stops_no_map(tmp_path: Path, stage: Usd.Stage) -> None:
     changing(stage)
     expected = {
         "more": "the number or order of its positions changes, first in frame 2",
@@ -258,8 +259,7 @@ def test_what_cannot_be_bound_is_left_out_and_stops_no_map(tmp_path: Path) -> No
     bake(tmp_path, stage, *asked, "--strict", expect=2)
 
 
-def test_a_second_run_does_nothing_and_a_change_is_taken(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_a_second_run_does_nothing_and_a_change_is_taken(tmp_path: Path, stage: Usd.Stage) -> None:
     of = scales(stage)
     # In no frame the skin is at rest.
     points = UsdGeom.Mesh(stage.GetPrimAtPath(MESH)).GetPointsAttr()
@@ -285,8 +285,7 @@ def test_a_second_run_does_nothing_and_a_change_is_taken(tmp_path: Path) -> None
     assert "carried.usdc is there, and is no file that vrtm has written" in said
 
 
-def test_a_frame_without_a_pose_is_left_out(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_a_frame_without_a_pose_is_left_out(tmp_path: Path, stage: Usd.Stage) -> None:
     scales(stage)
     points = UsdGeom.Mesh(stage.GetPrimAtPath(MESH)).GetPointsAttr()
     points.Set([Gf.Vec3f(float("nan"))] * len(points.Get(1)), 3)
@@ -296,8 +295,9 @@ def test_a_frame_without_a_pose_is_left_out(tmp_path: Path) -> None:
     assert layer.ListTimeSamplesForPath(f"{SCALES}.positions") == [1, 2]
 
 
-def test_another_file_with_other_units_axes_and_times_and_the_nearest_of_two_meshes(tmp_path: Path) -> None:
-    stage = scene(tmp_path)
+def test_another_file_with_other_units_and_times_and_the_nearest_of_two_meshes(
+    tmp_path: Path, stage: Usd.Stage
+) -> None:
     UsdGeom.SetStageMetersPerUnit(stage, 1)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), "/model/other")
@@ -333,8 +333,7 @@ def test_another_file_with_other_units_axes_and_times_and_the_nearest_of_two_mes
         (("--carry-prims", SCALES, "--carry-farthest", 1e-9), "must be in the world of the mesh at rest"),
     ],
 )
-def test_what_is_wrong_is_named_before_anything_is_baked(tmp_path: Path, options: tuple, said: str) -> None:
-    stage = scene(tmp_path)
+def test_what_is_wrong_is_named_before_all_else(tmp_path: Path, stage: Usd.Stage, options: tuple, said: str) -> None:
     scales(stage, np.add(PLACES, [0, 0, 0.005]))
     assert said in bake(tmp_path, stage, *options, expect=2)
     assert not (tmp_path / "out").exists()

@@ -12,12 +12,13 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 import alembic_scenes as abc
 import scenes
+import test_bake_carry
 from alembic_scenes import found, posed, properties
 from bake_scenes import files, image, run
 from conftest import grid
 from test_bake_carry import PLACES, TURN
 from test_bake_carry import posed as stretched
-from test_bake_disk import limited
+from test_bake_signals import limited
 
 SKIN = "/model/skin"
 HAIR = np.array([(0.2, 0.3, 0), (0.25, 0.32, 0.1), (0.4, 0.3, 0.2), (0.7, 0.7, 0), (0.9, 0.7, 0.3)])
@@ -65,9 +66,7 @@ def painted(folder: Path) -> None:
 
 
 def bake(folder: Path, *more: object, expect: int | None = 0, file: str = "skin.abc") -> str:
-    arguments = ("--rigidity", folder / "rigid.png", "--size", 32, "--meshes", "skin", "--device", "cpu", "--jobs", 1)
-    ended = run("bake", folder / file, *arguments, "--out", folder / "out", *more, expect=expect)
-    return ended.stdout + ended.stderr
+    return test_bake_carry.bake(folder, None, *more, expect=expect, file=file)
 
 
 def test_all_kinds_ride_on_a_stretched_plane(tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
-from bake_scenes import image, run
+import test_bake_carry
+from bake_scenes import image
 from conftest import grid
 from vrtm.bake.carry_parts import Nearest, connected, to_triangles
 
@@ -46,11 +47,7 @@ def lips(folder: Path) -> Usd.Stage:
 
 
 def bake(folder: Path, stage: Usd.Stage, *more: object, expect: int = 0) -> str:
-    stage.Save()
-    arguments = ("--rigidity", folder / "rigid.png", "--size", 32, "--meshes", "skin", "--device", "cpu", "--jobs", 1)
-    asked = ("--carry-prims", STUDS, "--out", folder / "out")
-    ended = run("bake", folder / "lips.usda", *arguments, *asked, *more, expect=expect)
-    return ended.stdout + ended.stderr
+    return test_bake_carry.bake(folder, stage, "--carry-prims", STUDS, *more, expect=expect, file="lips.usda")
 
 
 def moved(folder: Path) -> np.ndarray:
@@ -90,19 +87,15 @@ def test_studs_between_two_sheets_are_not_torn(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fit", ["surface", "none"])
-def test_parts_are_rigid_with_each_fit(tmp_path: Path, fit: str) -> None:
-    bake(tmp_path, lips(tmp_path), *PARTS, "--carry-fit", fit)
-    np.testing.assert_allclose(lengths(moved(tmp_path)), lengths(studs()), atol=1e-5 * 0.06)
-
-
-def test_a_part_that_is_far_stays_whole(tmp_path: Path) -> None:
+def test_parts_are_rigid_with_each_fit_and_one_that_is_far_stays(tmp_path: Path, fit: str) -> None:
     stage = lips(tmp_path)
     rest = studs()
     rest[1, :, 2] -= 0.1
     UsdGeom.Mesh(stage.GetPrimAtPath(STUDS)).GetPointsAttr().Set(np.float32(rest.reshape(-1, 3)))
-    said = bake(tmp_path, stage, *PARTS, "--carry-farthest", 0.05)
+    said = bake(tmp_path, stage, *PARTS, "--carry-farthest", 0.05, "--carry-fit", fit)
     assert f"{STUDS}: 1 of 3 connected parts is farther than 0.05 (--carry-farthest)" in said
     np.testing.assert_allclose(moved(tmp_path)[1], rest[1], atol=1e-6)
+    np.testing.assert_allclose(lengths(moved(tmp_path)), lengths(studs()), atol=1e-5 * 0.06)
 
 
 def test_the_foot_is_the_middle_of_what_is_near(tmp_path: Path) -> None:

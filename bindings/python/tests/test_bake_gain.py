@@ -1,4 +1,5 @@
-"""Maps that would be the identity in all frames get no file: parts that move rigidly, and parts with nothing rigid."""
+"""Maps that would be the identity in all frames get no file: parts that move rigidly, and parts with nothing rigid.
+Features that are worse than without vrtm are counted, told, and limited."""
 
 import dataclasses
 import json
@@ -12,7 +13,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
-from bake_scenes import files, image, run
+from bake_scenes import files, flat, image, run
 from conftest import centres, grid
 from mirrored import composed
 from vrtm import cli
@@ -130,13 +131,9 @@ def test_layers_that_gain_nothing_keep_the_material(
     mesh = stage.GetPrimAtPath(TOY)
     for prim in (mesh, *mesh.GetChildren()):
         material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
-        assets = {
-            str(attribute.Get(frame).path)
-            for node in Usd.PrimRange(material.GetPrim())
-            for attribute in node.GetAttributes()
-            if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset
-            for frame in (1, FRAMES)
-        }
+        every = (attribute for node in Usd.PrimRange(material.GetPrim()) for attribute in node.GetAttributes())
+        of_files = (attribute for attribute in every if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset)
+        assets = {str(attribute.Get(frame).path) for attribute in of_files for frame in (1, FRAMES)}
         named[prim.GetName()] = assets
         for asset in assets - {"colour.<UDIM>.exr", "colour.<UDIM>.png"}:
             assert (tmp_path / asset.replace("<UDIM>", "1001")).is_file(), asset
@@ -166,13 +163,6 @@ def test_subsets_that_gain_nothing_keep_their_material(tmp_path: Path, lines: Ca
         for name in ("still", "soft")
     ]
     assert bound == ["/model/still_skin", "/model/soft_skin_toy_soft_redirected"]
-
-
-def test_worker_processes_write_no_more(tmp_path: Path) -> None:
-    scene = toy(tmp_path, (turns, 0, True), (bends, 0, True))
-    options = ("--rigidity", tmp_path / "rigid.<UDIM>.png", "--out", tmp_path / "out", "--device", "cpu")
-    run("bake", scene, *options, "--jobs", 2)
-    assert maps(scene) == {"redirect_layer1.1001.exr"}
 
 
 def test_what_has_nothing_rigid_gets_no_file(tmp_path: Path, lines: Callable[[], list[str]]) -> None:
@@ -214,7 +204,8 @@ def test_an_input_is_never_removed(tmp_path: Path, capfd: pytest.CaptureFixture[
 
 def test_corner_uvs_have_all_of_a_mesh(tmp_path: Path) -> None:
     scene = toy(tmp_path, (turns, 0, True), (bends, 0, True))
-    assert bake(scene, "--layer", tmp_path / "over.usda", "--layer-mode", "primvar") == 0
+    # Worker processes write no more either.
+    assert bake(scene, "--layer", tmp_path / "over.usda", "--layer-mode", "primvar", "--jobs", 2) == 0
     assert maps(scene) == {"redirect_layer1.1001.exr", "corners.usdc"}
     stage = composed(scene, tmp_path / "over.usda")
     mesh = stage.GetPrimAtPath(TOY)
@@ -308,3 +299,75 @@ def test_a_line_for_each_mesh(tmp_path: Path, lines: Callable[[], list[str]]) ->
     scene = toy(tmp_path / "rigid", (turns, 0, True))
     assert bake(scene, "--meshes", "toy") == 0
     assert any(line.startswith(f"{TOY}: 3 frames (1-3), no strain in 3 measured frames, ") for line in lines())
+
+
+@pytest.fixture
+def crowded(tmp_path: Path) -> Path:
+    """A sheet that is crowded with 8 x 8 squares, and whose left half shrinks in the second of two frames."""
+    stage = scenes.stage(tmp_path / "shot.usda", 1, 2)
+    rest, faces = grid(16)
+    poses = {frame: rest - [0.25 * (frame - 1), 0, 0] * np.minimum(2 * rest, 1) for frame in (1, 2)}
+    scenes.mesh(stage, "/model/skin", rest, rest[:, :2], faces=faces, poses=poses, pref=True)
+    stage.Save()
+    y, x = np.mgrid[:64, :64] % 8
+    row = np.arange(512) % 64 == 30
+    image(tmp_path / "1.png", np.where(row[:, None] & row, 255, 0).astype(np.uint8)[..., None])
+    flat(tmp_path / "0.png", 0)
+    for value in (255, 127, 102):
+        image(tmp_path / f"{value}.png", np.where((x > 1) & (y > 1), value, 0).astype(np.uint8)[..., None])
+    return tmp_path / "shot.usda"
+
+
+def bake_crowded(crowded: Path, *more: object, value: int = 255, expect: int = 0):
+    rigidity, out = crowded.parent / f"{value}.png", crowded.parent / f"out{value}"
+    options = ("--size", 64, "--seams", "shut", "--device", "cpu", "--jobs", 1, "--report", crowded.parent / "r.json")
+    return run("bake", crowded, "--rigidity", rigidity, "--out", out, *options, *more, expect=expect)
+
+
+def test_features_that_are_worse_are_told_and_limited(crowded: Path) -> None:
+    ended = bake_crowded(crowded, "--measure")
+    report = json.loads((crowded.parent / "r.json").read_text())
+    still, shrunk = (frame["tiles"][0]["features"] for frame in report["frames"])
+    assert still["count"] == shrunk["count"] == 64
+    assert (still["worse"], still["worst"], still["strained"]) == (0, [], {"before": 0, "after": 0})
+    count, worst = shrunk["worse"], shrunk["worst"][0]
+    assert 0 < count <= 32 and len(shrunk["worst"]) == min(count, 16) and shrunk["strained"]["before"] == 32
+    # In the half that keeps its shape.
+    assert worst["u"] > 0.5 and worst["before"] < 1e-3 and worst["after"] > 0.02
+    (mesh,) = report["meshes"]
+    assert mesh["features"] == {"count": 64, "worse": count, "frame": 2, "worst": {"frame": 2} | worst}
+    line = rf"{count} of 64 features are worse than without vrtm in frame 2: the worst at UV [\d.]+, [\d.]+: "
+    assert re.search(line + r"[\d.e-]+ -> [\d.]+ RMS, frame 2, ", ended.stdout)
+    assert bake_crowded(crowded, "--max-worse", count).returncode == 0
+    ended = bake_crowded(crowded, "--max-worse", count - 1, expect=3)
+    assert f"--max-worse {count - 1} was exceeded in 1 of 2: skin, frame 2, tile 1001: " in ended.stderr
+    assert f"worse than without vrtm: {count}, the worst at UV" in ended.stderr
+    assert "--max-worse" in bake_crowded(crowded, "--max-worse", -1, expect=2).stderr
+
+
+@pytest.mark.parametrize("value", [127, 102])
+def test_grey_paint_is_measured_and_told_if_it_is_fixed(crowded: Path, value: int) -> None:
+    ended = bake_crowded(crowded, "--max-strain", 0.01, value=value, expect=3)
+    assert "nothing gained" not in ended.stdout and "--max-strain 0.01 was exceeded in 1 of 2" in ended.stderr
+    tile = json.loads((crowded.parent / "r.json").read_text())["frames"][1]["tiles"][0]
+    assert 0.01 < tile["strain"]["after"]["rms"] < tile["strain"]["before"]["rms"]
+    assert tile["features"]["count"] == 64
+    mask = flat(crowded.parent / "mask.png", 0)
+    ended = bake_crowded(crowded, "--mask", mask, "--max-strain", 0.9, value=value, expect=3)
+    assert "cannot be met in 2 of 2: skin, frame 1, tile 1001: 100.0% of the rigid segments are fixed" in ended.stderr
+
+
+@pytest.mark.parametrize("limit", [("--max-strain", 0.9), ("--max-worse", 9)])
+def test_a_limit_is_not_kept_where_nothing_was_measured(crowded: Path, limit: tuple) -> None:
+    # Dots that are too small for two nodes of the grid.
+    for _ in range(2):
+        ended = bake_crowded(crowded, *limit, value=1, expect=3)
+        assert f"{limit[0]} could not be checked in 2 places: skin, frame 1, tile 1001: the painted" in ended.stderr
+        assert "nothing gained" not in ended.stdout and "strain not measured: the painted" in ended.stdout
+        tile = json.loads((crowded.parent / "r.json").read_text())["frames"][1]["tiles"][0]
+        assert tile["strain"]["unmeasured"] and tile["max_displacement"] > 0
+    # Where nothing is rigid there is nothing to measure.
+    assert "nothing is rigid" in bake_crowded(crowded, *limit, "--meshes", "skin", value=0).stdout
+    layer = ("--layer", crowded.parent / "over.usda", "--only-layer")
+    said = bake_crowded(crowded, *limit, *layer, value=1, expect=None).stderr
+    assert f"--only-layer solves nothing: {limit[0]} cannot be checked" in said

@@ -10,7 +10,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 from bake_scenes import MESH, files, image, pixels, sheet, sheet_arguments, with_copies
-from conftest import grid
+from conftest import grid, refused
 from vrtm import cli
 from vrtm.bake import left_out
 from vrtm.bake.left_out import LeftOut
@@ -125,8 +125,7 @@ def test_what_usd_says_is_told_once_and_in_the_list(tmp_path: Path, capfd: pytes
     empty.DefinePrim("/hair").GetReferences().AddReference("./hair.usda")
     empty.Save()
     lacks = r"no mesh to bake \(the scene has none\); /hair: USD: Could not open asset @"
-    with pytest.raises(SceneError, match=lacks):
-        Scene(tmp_path / "empty.usda")
+    refused(SceneError, lacks, Scene, tmp_path / "empty.usda")
 
 
 def test_surfaces_that_are_not_read_are_told(tmp_path: Path) -> None:

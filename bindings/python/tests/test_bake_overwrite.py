@@ -171,17 +171,13 @@ def test_the_layer_of_an_earlier_bake_may_lie_below_the_shot(shot: Path) -> None
     refused(["bake", layer, *wanted[2:]], "--layer", "the scene")
 
 
-def test_one_file_is_not_written_twice(shot: Path) -> None:
+def test_one_file_is_not_written_twice_nor_what_is_no_file(shot: Path) -> None:
     folder = shot.parent
     out = folder / "out"
     for name in ("redirect.0001.1001.exr", "REDIRECT.0001.1001.EXR"):
         refused(sheet_arguments(shot, out, "--report", out / name), "--report", "also the file of --out")
     both = ("--layer", folder / "new.usda", "--report", folder / "new.usda")
     refused(sheet_arguments(shot, out, *both), "--report", "also the file of --layer")
-
-
-def test_names_that_are_no_files(shot: Path) -> None:
-    folder = shot.parent
     (folder / "plain").write_text("a file")
     for option, name in (("--report", ""), ("--report", f"{folder}/out/"), ("--report", folder / "plain" / "r.json")):
         refused(sheet_arguments(shot, folder / "out", option, name), option)

@@ -5,6 +5,7 @@ import functools
 import json
 import pickle
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
@@ -46,18 +47,30 @@ def on_sheet(tile: int) -> tuple[np.ndarray, np.ndarray]:
     return (u - 0.1) / 0.8 + tile, (v - 0.1) / 0.8
 
 
+def paint(folder: Path, kind: str, of: Callable, beside: tuple[float, ...] | None = None) -> None:
+    """Writes the images of both tiles. `of`: texels at x and y of the sheet; True where it is rigid, or colours, with
+    the one beside the charts."""
+    for tile in range(2):
+        x, y = on_sheet(tile)
+        texels = of(x, y)
+        if beside is None:
+            texels = (255 * texels).astype(np.uint8)[..., None]
+        else:
+            inside = (x >= tile) & (x <= tile + 1) & (y >= 0) & (y <= 1)
+            texels = np.rint(65535 * np.where(inside[..., None], texels, beside)).astype(np.uint16)
+        image(folder / f"{kind}.{1001 + tile}.png", texels)
+
+
+def content(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.stack([0.2 + 0.3 * x, 0.2 + 0.6 * y, 0.3 + 0.2 * np.sin(20 * x)], axis=-1)
+
+
 @pytest.fixture
 def scene(tmp_path: Path) -> list[object]:
     """The arguments of a bake of a sheet with a rigid disc in the middle, over the seam, and a texture with a colour of
     its own beside the charts."""
-    for tile in range(2):
-        x, y = on_sheet(tile)
-        inside = (x >= tile) & (x <= tile + 1) & (y >= 0) & (y <= 1)
-        disc = np.hypot(x - 1, y - 0.5) < 0.1
-        image(tmp_path / f"rigid.{1001 + tile}.png", np.where(inside & disc, 255, 0).astype(np.uint8)[..., None])
-        content = np.stack([0.2 + 0.3 * x, 0.2 + 0.6 * y, 0.3 + 0.2 * np.sin(20 * x)], axis=-1)
-        colour = np.where(inside[..., None], content, [1.0, 0.0, 1.0])
-        image(tmp_path / f"colour.{1001 + tile}.png", np.rint(65535 * colour).astype(np.uint16))
+    paint(tmp_path, "rigid", lambda x, y: np.hypot(x - 1, y - 0.5) < 0.1)
+    paint(tmp_path, "colour", content, (1, 0, 1))
     rest, pose = write_obj(tmp_path / "rest.obj", False), write_obj(tmp_path / "pose.obj", True)
     maps = ["--rigidity", tmp_path / "rigid.<UDIM>.png", "--texture", tmp_path / "colour.<UDIM>.png"]
     return ["bake", rest, "--poses", pose, *maps]
@@ -65,11 +78,7 @@ def scene(tmp_path: Path) -> list[object]:
 
 def test_both_sides_of_a_seam_show_the_same(scene: list[object], tmp_path: Path) -> None:
     normal = [0.36, 0.48, 0.8]
-    for tile in range(2):
-        x, y = on_sheet(tile)
-        inside = (x >= tile) & (x <= tile + 1) & (y >= 0) & (y <= 1)
-        texels = np.where(inside[..., None], normal, [0.0, 0.0, 1.0])
-        image(tmp_path / f"bumps.{1001 + tile}.png", np.rint(65535 * (texels + 1) / 2).astype(np.uint16))
+    paint(tmp_path, "bumps", lambda x, y: (np.array(normal) + 1) / 2, (0.5, 0.5, 1))
     bumps = ("--normal-map", tmp_path / "bumps.<UDIM>.png")
     arguments = [*scene, "--seams", "continue", *bumps, "--out", tmp_path / "out"]
     run(*arguments)
@@ -103,9 +112,7 @@ def test_both_sides_of_a_seam_show_the_same(scene: list[object], tmp_path: Path)
 
 
 def test_textures_slide_along_open_borders(scene: list[object], tmp_path: Path) -> None:
-    x, y = on_sheet(0)
-    disc = (x >= 0) & (y >= 0) & (np.hypot(x - 0.5, y) < 0.15)
-    image(tmp_path / "rigid.1001.png", np.where(disc, 255, 0).astype(np.uint8)[..., None])
+    paint(tmp_path, "rigid", lambda x, y: (x >= 0) & (y >= 0) & (np.hypot(x - 0.5, y) < 0.15))
     deltas = []
     for open_borders in ("fixed", "slide"):
         out = tmp_path / open_borders
@@ -158,10 +165,7 @@ def test_the_better_one_where_a_texture_has_no_copy(scene: list[object], tmp_pat
         write_obj(tmp_path / f"pose.{number}.obj", True, 0.02, stretch)
     scene[3] = tmp_path / "pose.#.obj"
     # A large feature on the seam: if that is shut, it becomes an hourglass.
-    for tile in range(2):
-        x, y = on_sheet(tile)
-        rigid = (np.abs(x - 1) < 0.2) & (np.abs(y - 0.5) < 0.3)
-        image(tmp_path / f"rigid.{1001 + tile}.png", np.where(rigid, 255, 0).astype(np.uint8)[..., None])
+    paint(tmp_path, "rigid", lambda x, y: (np.abs(x - 1) < 0.2) & (np.abs(y - 0.5) < 0.3))
     (tmp_path / "colour.1002.png").unlink()
     strain = {}
     for seams in ("shut", "keep"):
@@ -193,10 +197,7 @@ def test_the_better_one_where_a_texture_has_no_copy(scene: list[object], tmp_pat
             (mesh,) = other.meshes.values()
             assert (mesh.settings.seams, mesh.borders) == (best, next(iter(work.meshes.values())).borders)
     # Where nothing rigid is on a border there is nothing to choose, and nothing to solve.
-    for udim in (1001, 1002):
-        x, y = on_sheet(udim - 1001)
-        disc = np.hypot(x - (0.5 if udim == 1001 else 1.5), y - 0.5) < 0.1
-        image(tmp_path / f"rigid.{udim}.png", np.where(disc, 255, 0).astype(np.uint8)[..., None])
+    paint(tmp_path, "rigid", lambda x, y: np.hypot(np.abs(x - 1) - 0.5, y - 0.5) < 0.1)
     with mock.patch.object(borders, "_kept_or_shut", None):
         said, _ = baked(scene, tmp_path / "none")
     assert line(said).startswith("seams shut, open borders fixed: ")

@@ -57,15 +57,8 @@ def test_frames_pieces_and_arrays_of_the_caller(asset, model):
 def test_points_come_with_the_images_of_one_solve(asset, model):
     tile, carrier = asset.tiles[0], asset.carrier(GRID)
     rows = np.zeros((9, 3), np.float64)
-    image, points, stretch, more = asset.redirect(
-        model.pose,
-        [
-            vrtm.Fetch(tile, size=32),
-            carrier,
-            vrtm.CarrierFetch(carrier, "stretch"),
-            vrtm.CarrierFetch(carrier, "positions", out={"positions": rows}),
-        ],
-    )
+    carried = [vrtm.CarrierFetch(carrier, "stretch"), vrtm.CarrierFetch(carrier, "positions", out={"positions": rows})]
+    image, points, stretch, more = asset.redirect(model.pose, [vrtm.Fetch(tile, size=32), carrier, *carried])
     assert (image == tile.fetch(size=32)).all()
     alone = carrier.fetch("positions", "rotations", "stretch")
     assert (points.positions == alone.positions).all() and (points.rotations == alone.rotations).all()

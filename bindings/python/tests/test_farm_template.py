@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -109,24 +108,24 @@ def local(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, byt
 
 
 def test_the_template_is_valid(farm: Farm, tmp_path: Path) -> None:
-    for words in (farm.command("summary", tmp_path), [farm.openjd, "check", str(farm.template)]):
-        ended = subprocess.run(words, capture_output=True, text=True, timeout=100)
-        assert ended.returncode == 0, ended.stdout
+    commands = [farm.command("summary", tmp_path), [farm.openjd, "check", str(farm.template)]]
     assert "Layer" in farm.template.read_text() and "# begin" not in farm.template.read_text()
     for option, word in (("--no-layer", "redirect.usda"), ("", "carry")):
-        short = run("farm-template", *filter(None, [option])).stdout
+        short, path = run("farm-template", *filter(None, [option])).stdout, tmp_path / f"{word}.yaml"
         assert short == template(layer=not option) and word not in short
-        (tmp_path / "short.yaml").write_text(short)
-        ended = subprocess.run([farm.openjd, "check", str(tmp_path / "short.yaml")], capture_output=True, text=True)
+        path.write_text(short)
+        commands.append([farm.openjd, "check", str(path)])
+    for words in commands:
+        ended = subprocess.run(words, capture_output=True, text=True, timeout=100)
         assert ended.returncode == 0, ended.stdout
 
 
 def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(farm: Farm, local: dict[str, bytes]) -> None:
-    out, whole = farm.folder / "out", 0
+    out, before = farm.folder / "out", 0
     for way in ("SIGTERM", "SIGKILL to all"):
         process = farm.start(out)
         # Until all files of a further frame are there, which the next run must leave alone.
-        while process.poll() is None and sum(names <= listed(out) for names in by_frame(local)) <= whole:
+        while process.poll() is None and whole((path.name for path in out.glob("*")), local) <= before:
             time.sleep(0.005)
         if way == "SIGTERM":
             process.terminate()
@@ -144,7 +143,7 @@ def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(farm: Farm, loca
             assert "exited with code: 143" in told, told[-2000:]
             assert found == files(out)
         assert 0 < len(found) < len(local) and found.items() <= local.items()
-        whole = sum(names <= set(found) for names in by_frame(local))
+        before = whole(found, local)
     ended = farm.start(out)
     told, _ = ended.communicate(timeout=280)
     assert ended.returncode == 0, told[-3000:]
@@ -156,17 +155,10 @@ def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(farm: Farm, loca
     assert told.count("Running Task") == 8
 
 
-def listed(folder: Path) -> set[str]:
-    return set(os.listdir(folder)) if folder.is_dir() else set()
-
-
-def by_frame(names: Iterable[str]) -> list[set[str]]:
-    """The maps of each frame and tile, by their names: jacobian.0001.1001.exr."""
-    groups: dict[str, set[str]] = defaultdict(set)
-    for name in names:
-        if name.endswith(".exr"):
-            groups[name.split(".", 1)[1]].add(name)
-    return list(groups.values())
+def whole(there: Iterable[str], wanted: Iterable[str]) -> int:
+    """The number of frames and tiles all of whose maps are there, by their names: jacobian.0001.1001.exr."""
+    lacking = {name.split(".", 1)[1] for name in set(wanted).difference(there)}
+    return len({name.split(".", 1)[1] for name in wanted if name.endswith(".exr")} - lacking)
 
 
 def tree(root: int) -> list[int]:
@@ -179,8 +171,8 @@ def tree(root: int) -> list[int]:
 
 @pytest.fixture(scope="module")
 def slurm() -> Iterator[dict[str, str]]:
-    """Slurm on this machine alone, with keys, sockets and logs of its own: the environment of its commands. Skips the
-    test where it is not installed."""
+    """Slurm on this machine alone, with keys, sockets and logs of its own, and as many resources as tasks want: the
+    environment of its commands. Skips the test where it is not installed."""
     path = f"{os.environ['PATH']}{os.pathsep}/usr/sbin"
     if not all(shutil.which(name, path=path) for name in ("munged", "slurmctld", "slurmd", "sbatch")):
         pytest.skip("skipped: no Slurm")
@@ -189,29 +181,11 @@ def slurm() -> Iterator[dict[str, str]]:
         (Path(folder) / "key").chmod(0o600)
         for name in ("state", "spool"):
             (Path(folder) / name).mkdir()
-        (Path(folder) / "slurm.conf").write_text(slurm_conf(folder))
-        environment = dict(os.environ) | {"PATH": path, "SLURM_CONF": f"{folder}/slurm.conf"}
-        own = {"socket": "socket", "key-file": "key", "pid-file": "pid", "log-file": "log", "seed-file": "seed"}
-        munged = ["munged", "--force", "-F", *(f"--{name}={folder}/{file}" for name, file in own.items())]
-        for command in (munged, ["slurmctld", "-D", "-i"], ["slurmd", "-D"]):
-            output = open(f"{folder}/{command[0]}", "w")
-            daemon = subprocess.Popen(command, env=environment, stdout=output, stderr=subprocess.STDOUT)
-            ended.callback(daemon.wait)
-            ended.callback(daemon.terminate)
-        until(lambda: "idle" in slurm_says(environment, "sinfo", "-h", "-o", "%T"))
-        yield environment
-        slurm_says(environment, "scancel", "--me")
-
-
-def slurm_conf(folder: str) -> str:
-    """The configuration of a cluster of one machine, which pretends to have what tasks want."""
-    with contextlib.ExitStack() as opened:
-        sockets = [opened.enter_context(socket.socket()) for _ in range(2)]
-        for of in sockets:
-            of.bind(("127.0.0.1", 0))
-        ports = [of.getsockname()[1] for of in sockets]
-    user, host = getpass.getuser(), socket.gethostname().split(".")[0]
-    return f"""
+        with contextlib.ExitStack() as opened:
+            sockets = [opened.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(2)]
+            ports = [of.getsockname()[1] for of in sockets]
+        user, host = getpass.getuser(), socket.gethostname().split(".")[0]
+        (Path(folder) / "slurm.conf").write_text(f"""
 ClusterName=vrtm
 SlurmctldHost={host}(127.0.0.1)
 SlurmctldPort={ports[0]}
@@ -230,7 +204,18 @@ SchedulerParameters=sched_interval=1
 SlurmdParameters=config_overrides
 NodeName={host} NodeAddr=127.0.0.1 CPUs=8 RealMemory=16384
 PartitionName=all Nodes={host} Default=YES
-"""
+""")
+        environment = dict(os.environ) | {"PATH": path, "SLURM_CONF": f"{folder}/slurm.conf"}
+        own = {"socket": "socket", "key-file": "key", "pid-file": "pid", "log-file": "log", "seed-file": "seed"}
+        munged = ["munged", "--force", "-F", *(f"--{name}={folder}/{file}" for name, file in own.items())]
+        for command in (munged, ["slurmctld", "-D", "-i"], ["slurmd", "-D"]):
+            output = open(f"{folder}/{command[0]}", "w")
+            daemon = subprocess.Popen(command, env=environment, stdout=output, stderr=subprocess.STDOUT)
+            ended.callback(daemon.wait)
+            ended.callback(daemon.terminate)
+        until(lambda: "idle" in slurm_says(environment, "sinfo", "-h", "-o", "%T"))
+        yield environment
+        slurm_says(environment, "scancel", "--me")
 
 
 def slurm_says(environment: dict[str, str], *command: str) -> str:

@@ -57,28 +57,31 @@ def basis(folder: Path, *more: object) -> str:
     return test_bake_basis.bake(folder, "--gltf", "--blend-shapes", "--max-error", BOUND, *more, expect=None)
 
 
-SET, ADD = carry_usd.UsdScatter._set, carry_abc.Motion.add
+ADD = carry_abc.Motion.add
 
 
-def samples(change: Callable[[str, float, Any], Any]) -> Callable:
-    """A writer that changes values of samples, or loses them."""
+def sample(words: str, change: Callable[[str, float, Any], Any]) -> tuple:
+    """A writer that changes values of samples of the carried instances, or loses them."""
+    real = carry_usd.UsdScatter._set
 
     def write(self: Any, prim: Any, name: str, kind: Any, time: float, value: Any) -> None:
         found = change(name, time, value)
         if found is not None:
-            SET(self, prim, name, kind, time, found)
+            real(self, prim, name, kind, time, found)
 
-    return write
+    return carried, carry_usd.UsdScatter, "_set", write, f"{SCALES}: {words}"
 
 
-def of(function: Callable, change: Callable[[Any], Any]) -> Callable:
+def result(bake: Callable, target: Any, name: str, words: str, change: Callable[[Any], Any]) -> tuple:
     """A function whose result is changed."""
-    return lambda *arguments, **named: change(function(*arguments, **named))
+    real = getattr(target, name)
+    return bake, target, name, lambda *arguments, **named: change(real(*arguments, **named)), words
 
 
-def with_argument(function: Callable, number: int, change: Callable[[Any], Any]) -> Callable:
+def argument(bake: Callable, target: Any, name: str, number: int, words: str, change: Callable[[Any], Any]) -> tuple:
     """A function that gets another argument."""
-    return lambda *given: function(*(change(own) if k == number else own for k, own in enumerate(given)))
+    real = getattr(target, name)
+    return bake, target, name, lambda *of: real(*of[:number], change(of[number]), *of[number + 1 :]), words
 
 
 def swapped(plan: LayerPlan) -> LayerPlan:
@@ -91,43 +94,20 @@ def turned(tiles: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: triangles[:, ::-1] for name, triangles in tiles.items()}
 
 
+def of_positions(change: Callable[[Any], Any]) -> Callable[[str, float, Any], Any]:
+    return lambda name, _, value: change(value) if name == "positions" else value
+
+
+OTHER_FILE = "not that of frame "
 FEWER_FIELDS = tuple(name for name in write.STAGE_FIELDS if name != "upAxis")
 MISTAKES = {
-    "lost orientations": (
-        carried,
-        carry_usd.UsdScatter,
-        "_set",
-        samples(lambda name, _, value: value if name == "positions" else None),
-        f"{SCALES}: frame 2: orientations: an axis is off by",
+    "lost orientations": sample(
+        "frame 2: orientations: an axis is off by", lambda name, _, value: value if name == "positions" else None
     ),
-    "a lost frame": (
-        carried,
-        carry_usd.UsdScatter,
-        "_set",
-        samples(lambda name, time, value: value if time < 2 else None),
-        f"{SCALES}: positions: has no sample at 2",
-    ),
-    "a count that does not follow": (
-        carried,
-        carry_usd.UsdScatter,
-        "_set",
-        samples(lambda name, _, value: value[1:] if name == "positions" else value),
-        f"{SCALES}: frame 1: has 3 points, not 4",
-    ),
-    "another rate": (
-        carried,
-        carry_usd,
-        "tell",
-        lambda *_, **__: None,
-        f"{SCALES}: positions: has no sample at 1",
-    ),
-    "a shift": (
-        carried,
-        carry_usd.UsdScatter,
-        "_set",
-        samples(lambda name, _, value: np.add(value, (0, 0, 1e-3)) if name == "positions" else value),
-        f"{SCALES}: frame 1: a point is off by 0.001",
-    ),
+    "a lost frame": sample("positions: has no sample at 2", lambda _, time, value: value if time < 2 else None),
+    "a count that does not follow": sample("frame 1: has 3 points, not 4", of_positions(lambda points: points[1:])),
+    "a shift": sample("frame 1: a point is off by 0.001", of_positions(lambda points: np.add(points, (0, 0, 1e-3)))),
+    "another rate": (carried, carry_usd, "tell", lambda *_, **__: None, f"{SCALES}: positions: has no sample at 1"),
     "a lost sample of an archive": (
         archive,
         carry_abc.Motion,
@@ -135,57 +115,27 @@ MISTAKES = {
         lambda self, _, points: ADD(self, 0.04, points),
         "/model/on/dots: P: has 1 samples, not 2",
     ),
-    "a lost file of a layer": (
-        layer,
-        LayerPlan,
-        "values",
-        of(LayerPlan.values, lambda values: values[:-1]),
-        ".inputs:file: names ./maps/colour.0002.<UDIM>.png, not that of frame 3, frame 3",
+    "a lost file of a layer": result(
+        layer, LayerPlan, "values", f"./maps/colour.0002.<UDIM>.png, {OTHER_FILE}3, frame 3", lambda found: found[:-1]
     ),
-    "files of other frames": (
-        layer,
-        LayerPlan,
-        "values",
-        of(LayerPlan.values, lambda found: [(path, 4 - time) for path, time in found]),
-        "not that of frame 1, frame 1",
+    "files of other frames": result(
+        layer, LayerPlan, "values", f"{OTHER_FILE}1, frame 1", lambda found: [(path, 4 - time) for path, time in found]
+    ),
+    "maps of another frame": result(
+        layer, MeshWork, "_facts", "frame is 7, not 1", lambda facts: facts | {"vrtm:frame": 7}
     ),
     "a lost axis of a layer": (layer, write, "STAGE_FIELDS", FEWER_FIELDS, "upAxis is Y, and Z in the shot"),
-    "UVs of other frames": (
-        primvar,
-        write,
-        "author_clips",
-        with_argument(write.author_clips, 2, swapped),
-        f"{MESH}.primvars:st_redirected: its UVs are not those of",
-    ),
-    "maps of another frame": (
-        layer,
-        MeshWork,
-        "_facts",
-        of(MeshWork._facts, lambda facts: facts | {"vrtm:frame": 7}),
-        "frame is 7, not 1",
+    "UVs of other frames": argument(
+        primvar, write, "author_clips", 2, f"{MESH}.primvars:st_redirected: its UVs are not those of", swapped
     ),
     "an axis of glTF": (basis, basis_morphs, "GLTF", Axes(None, 1.0), "basis.glb: frame 1: it reaches from"),
     "a unit of glTF": (basis, basis_morphs, "GLTF", Axes("Y"), "basis.glb: frame 1: it reaches from"),
-    "faces inside out": (
-        basis,
-        basis_morphs,
-        "glb",
-        with_argument(basis_morphs.glb, 3, turned),
-        "basis.glb: frame 1: it is inside out",
+    "faces inside out": argument(basis, basis_morphs, "glb", 3, "basis.glb: frame 1: it is inside out", turned),
+    "UVs upside down": argument(
+        basis, basis_morphs, "glb", 2, "basis.glb: frame 1: its UVs are off by", lambda uvs: (0, 1) + uvs * (1, -1)
     ),
-    "UVs upside down": (
-        basis,
-        basis_morphs,
-        "glb",
-        with_argument(basis_morphs.glb, 2, lambda uvs: (0, 1) + uvs * (1, -1)),
-        "basis.glb: frame 1: its UVs are off by",
-    ),
-    "a rate of glTF": (
-        basis,
-        basis_morphs,
-        "glb",
-        with_argument(basis_morphs.glb, 5, lambda times: 2 * times),
-        "basis.glb: its 3 poses are not at the times of 3 frames",
+    "a rate of glTF": argument(
+        basis, basis_morphs, "glb", 5, "basis.glb: its 3 poses are not at the times of 3 frames", lambda of: 2 * of
     ),
     "lost orientation of blend shapes": (
         basis,

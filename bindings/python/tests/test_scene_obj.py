@@ -104,5 +104,4 @@ def test_poses_of_other_faces_are_named(tmp_path: Path) -> None:
 def test_options_that_obj_does_not_have(tmp_path: Path) -> None:
     path = pose(tmp_path / "a.obj", 2)
     for options in (SceneOptions(uv=("st",)), SceneOptions(subdivide=1), SceneOptions(rest="bind")):
-        with pytest.raises(SceneError, match=r"a\.obj: an OBJ file"):
-            Scene(path, options)
+        refused(SceneError, r"a\.obj: an OBJ file", Scene, path, options)

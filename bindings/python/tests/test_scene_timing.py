@@ -9,6 +9,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 import scenes
 from bake_scenes import opened
+from conftest import refused
 from shots import write_corner_uvs
 from vrtm.bake import arguments, parsing
 from vrtm.bake.layer.plan import LayerPlan
@@ -190,5 +191,4 @@ def test_rates_that_cannot_be(tmp_path: Path) -> None:
     parser = parsing.Parser(prog="vrtm")
     arguments.add_to(parser.add_subparsers(dest="command"))
     assert [parser.parse_args(["bake", "a.abc", "--fps", fps]).fps for fps in ("file", "23.976")] == ["file", 23.976]
-    with pytest.raises(SystemExit):
-        parser.parse_args(["bake", "a.abc", "--fps", str(math.nan)])
+    refused(SystemExit, "", parser.parse_args, ["bake", "a.abc", "--fps", str(math.nan)])

@@ -64,22 +64,16 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add = group("usual options")
     usual = add.args[0]
     usual.add_argument("scene", metavar="SCENE", help="The USD, Alembic or OBJ file.")
-    add(
-        "--rigidity",
-        "Images that are white where the surface is to keep its shape. In this and other patterns, <UDIM> stands for "
-        "the tile, <mesh> for the mesh and <subset> for the part of --subsets.",
-        "PATTERN",
-    )
+    text = "Images that are white where the surface is to keep its shape. In this and other patterns, <UDIM> stands "
+    text += "for the tile, <mesh> for the mesh and <subset> for the part of --subsets."
+    add("--rigidity", text, "PATTERN")
     add("--mask", "Images that are dark where nothing may move.", "PATTERN")
     text = "Also write warped copies of these textures, for renderers that cannot look a map up."
     add("--texture", text, "PATTERN...", dest="textures")
     add("--layer", "Write a USD layer that redirects the shot's textures, to be sublayered over it.", "FILE")
-    add(
-        "--poses",
-        "OBJ: the files of the poses, or a pattern such as pose.####.obj, pose.%%04d.obj, pose.$F4.obj, "
-        "pose.<frame>.obj or pose.*.obj.",
-        "FILE...",
-    )
+    text = "OBJ: the files of the poses, or a pattern such as pose.####.obj, pose.%%04d.obj, pose.$F4.obj, "
+    text += "pose.<frame>.obj or pose.*.obj."
+    add("--poses", text, "FILE...")
     add("--meshes", "Bake these meshes, by name or path, with * as a wildcard. All that deform by default.", "NAME...")
     text = "Bake these frames, such as 1-10x2,15, -3--1, or 1-3x0.5 with parts of frames. All whole ones by default."
     add("--frames", text, "LIST", type=listed(frames.parse))
@@ -103,10 +97,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--subdivide", text, "N", type=whole(0, 8), default=0)
     text = "USD: select a variant. The option may be repeated."
     add("--variant", text, nargs=3, action="append", dest="variants", default=[], metavar=("PRIM", "SET", "SELECTION"))
-    text = (
-        "Count frames by this rate: frame N is at N / X seconds. With the word file the scene states the rate. By "
-        "default whole time codes of USD are frames, and Alembic states the rate."
-    )
+    text = "Count frames by this rate: frame N is at N / X seconds. With the word file the scene states the rate. By "
+    text += "default whole time codes of USD are frames, and Alembic states the rate."
     add("--fps", text, "X", type=either(FILE, positive))
     add("--world", "Apply the transforms above a mesh, so that an animated scale counts as a stretch.")
     add("--allow-units", "Take a mesh whose size differs from the rest for a deformation, and do not scale the rest.")
@@ -116,39 +108,26 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--mask-primvar", "Take the mask from this primvar instead of images.", "NAME")
 
     add = group("files")
-    add(
-        "--name",
-        "Name the files below --out in this way, with <mesh>, <subset>, <kind>, <frame> and <UDIM>. By default "
-        "<kind>.<frame>.<UDIM>.exr, after <mesh>. if there are several, and <subset>. with --subsets.",
-        "PATTERN",
-    )
+    text = "Name the files below --out in this way, with <mesh>, <subset>, <kind>, <frame> and <UDIM>. By default "
+    text += "<kind>.<frame>.<UDIM>.exr, after <mesh>. if there are several, and <subset>. with --subsets."
+    add("--name", text, "PATTERN")
     add("--tiles", "Bake these tiles, such as 1001,1011-1013. All by default.", "LIST", type=listed(frames.parse_whole))
-    add(
-        "--task",
-        "Bake the first (1/10) to the last (10/10) tenth of the frames, and write nothing but the files of single "
-        "frames. The same command without it then writes the layer, carried geometry, basis maps, sheets and report.",
-        "K/N",
-        type=_task,
-    )
+    text = "Bake the first (1/10) to the last (10/10) tenth of the frames, and write nothing but the files of single "
+    text += "frames. The same command without it then writes the layer, carried geometry, basis maps, sheets and "
+    text += "report."
+    add("--task", text, "K/N", type=_task)
     add("--overwrite", "Also replace files that vrtm has not written, but never one that the bake reads.")
 
     add = group("content")
-    text = (
-        "Cells of the solver's grid per side. With auto, the default, 20 lie across the narrowest rigid feature of "
-        "each tile: 64 to 4096, and no more than the rigidity map has texels or 256."
-    )
+    text = "Cells of the solver's grid per side. With auto, the default, 20 lie across the narrowest rigid feature of "
+    text += "each tile: 64 to 4096, and no more than the rigidity map has texels or 256."
     add("--size", text, "N", type=lambda text: None if text == AUTO else whole(1, LARGEST)(text))
-    text = (
-        "Texels of the maps per side. By default as --size, or as the rigidity map; 1024 with a primvar. With auto, "
-        "each map gets the fewest that keep --max-error (1)."
-    )
+    text = "Texels of the maps per side. By default as --size, or as the rigidity map; 1024 with a primvar. With auto, "
+    text += "each map gets the fewest that keep --max-error (1)."
     add("--map-size", text, "N", type=either(AUTO, whole(1, LARGEST)))
-    add(
-        "--form",
-        "The UVs in a map: within the tile, among all UDIM tiles, or the difference to add to the mesh's own. By "
-        "default tile, with --layer udim.",
-        choices=("tile", "udim", "delta"),
-    )
+    text = "The UVs in a map: within the tile, among all UDIM tiles, or the difference to add to the mesh's own. By "
+    text += "default tile, with --layer udim."
+    add("--form", text, choices=("tile", "udim", "delta"))
     add("--half", "Store 16-bit numbers: with --form delta the smallest maps, two fifths of the bytes.")
     add("--alpha", "Add an alpha channel that is 1 where a chart covers the texel.")
     add("--warp", "Also write the warp, the inverse of the redirection.")
@@ -157,23 +136,17 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     normal_maps(add)
 
     add = group("borders")
-    text = (
-        "At seams nothing moves (shut); features that touch one stay as they are (keep); or features keep their shape "
-        "across them (continue), for which textures in a renderer have to be dilated. With auto, the bake chooses: "
-        "continue if all textures of a mesh are copies or dilated, else the better of shut and keep."
-    )
+    text = "At seams nothing moves (shut); features that touch one stay as they are (keep); or features keep their "
+    text += "shape across them (continue), for which textures in a renderer have to be dilated. With auto, the bake "
+    text += "chooses: continue if all textures of a mesh are copies or dilated, else the better of shut and keep."
     add("--seams", text, choices=(AUTO, "shut", "keep", "continue"), default=AUTO)
     text = "With --seams continue, the radius of the largest feature on a seam, in UV, at most 0.5."
     add("--seam-reach", text, "UV", type=positive, default=Settings.seam_reach)
-    text = (
-        "Where the surface ends nothing moves (fixed), or textures slide along the border (slide). With auto, they "
-        "slide if all textures of a mesh are copies or dilated, and no other mesh goes on there."
-    )
+    text = "Where the surface ends nothing moves (fixed), or textures slide along the border (slide). With auto, they "
+    text += "slide if all textures of a mesh are copies or dilated, and no other mesh goes on there."
     add("--open-borders", text, choices=(AUTO, "fixed", "slide"), default=AUTO)
-    text = (
-        "Charts that lie over one another, as mirrored halves do, each get maps of their own, in layers (each); do not "
-        "move there (fixed); or all follow the chart of the first face (first)."
-    )
+    text = "Charts that lie over one another, as mirrored halves do, each get maps of their own, in layers (each); do "
+    text += "not move there (fixed); or all follow the chart of the first face (first)."
     add("--overlap", text, choices=(EACH, "fixed", "first"), default=OVERLAP)
     text = f"With --overlap each, the most layers of a tile ({Settings.max_layers} by default)."
     add("--max-layers", text, "N", type=whole(2, LARGEST))
@@ -184,51 +157,37 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         add(f"--{name.replace('_', '-')}", f"{_NUMBERS[name]} ({limits})", "X", type=not_negative)
 
     add = group("basis maps")
-    add(
-        "--basis",
-        "Also write as few maps as possible whose weighted sum is within --max-error texels (1) of each frame's map, "
-        "and the weights of the frames.",
-    )
+    text = "Also write as few maps as possible whose weighted sum is within --max-error texels (1) of each frame's "
+    text += "map, and the weights of the frames."
+    add("--basis", text)
     text = "Numbers of these maps: 16-bit floats (EXR), or integers (PNG) with a range per map in the file of weights."
     add("--basis-format", text, choices=tuple(FORMATS), default=HALF)
     add("--gltf", "Also write the mesh as glTF with UV morph targets, for engines and materials without a map.")
     text = "Also write the mesh as USD with blend shapes, and one with its UVs as points, for scripts that blend UVs."
     add("--blend-shapes", text)
-    add(
-        "--controls",
-        "The frames are poses of a rig, and this table (CSV) has the values of its controls: a first line 'frame' and "
-        "their names, then a line of numbers per frame. The weights become functions of them.",
-        "FILE",
-    )
+    text = "The frames are poses of a rig, and this table (CSV) has the values of its controls: a first line 'frame' "
+    text += "and their names, then a line of numbers per frame. The weights become functions of them."
+    add("--controls", text, "FILE")
     text = "Do not fit the maps to these frames, and measure the sum on them."
     add("--held-out", text, "LIST", type=listed(frames.parse))
 
     add = group("geometry on the skin")
-    add(
-        "--carry-prims",
-        "Move instances, points, curves and detail meshes along with the paint: these prims and all below them. "
-        "carried.usdc (a layer) or carried.abc (an archive) in --out has them in all frames.",
-        "PATH...",
-    )
+    text = "Move instances, points, curves and detail meshes along with the paint: these prims and all below them. "
+    text += "carried.usdc (a layer) or carried.abc (an archive) in --out has them in all frames."
+    add("--carry-prims", text, "PATH...")
     add("--carry", "The USD or Alembic file of these prims, in the world of the scene. The scene by default.", "FILE")
-    text = (
-        "Leave geometry in place that is farther from the mesh than this, in its units. By default 5 %% of the "
-        "diagonal of the mesh's bounding box."
-    )
+    text = "Leave geometry in place that is farther from the mesh than this, in its units. By default 5 %% of the "
+    text += "diagonal of the mesh's bounding box."
     add("--carry-farthest", text, "X", type=positive)
-    text = (
-        "Geometry follows each rigid feature as one body (feature), the redirected surface (surface), or the skin as "
-        "if nothing were redirected (none)."
-    )
+    text = "Geometry follows each rigid feature as one body (feature), the redirected surface (surface), or the skin "
+    text += "as if nothing were redirected (none)."
     add("--carry-fit", text, choices=("feature", "surface", "none"), default="feature")
     text = "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none)."
     add("--carry-pieces", text, choices=("none", CONNECTED), default="none")
 
     add = group("USD layer")
-    text = (
-        "The layer redirects texture lookups of the materials (texture), or authors the primvar st_redirected for them "
-        "(primvar)."
-    )
+    text = "The layer redirects texture lookups of the materials (texture), or authors the primvar st_redirected for "
+    text += "them (primvar)."
     add("--layer-mode", text, choices=("texture", "primvar"), default="texture")
     add("--only-layer", "Write nothing but the layer.")
     add("--root", "Also write a layer to open directly: the shot's settings, the layer and the shot below.", "FILE")
@@ -248,10 +207,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--threads", "Threads of each job. By default the cores are shared out.", "N", type=whole(0, 1024))
     add("--measure", "Measure strain and the errors of the maps for the report, which takes longer.")
     add("--max-strain", "End with exit code 3 if the RMS strain of a tile is larger.", "X", type=positive)
-    text = (
-        "End with exit code 3 if 1 %% of a map is off by more texels of the texture. With --basis also the most that a "
-        "sum may be off."
-    )
+    text = "End with exit code 3 if 1 %% of a map is off by more texels of the texture. With --basis also the most "
+    text += "that a sum may be off."
     add("--max-error", text, "TEXELS", type=positive)
     text = "End with exit code 3 if more painted features of a tile are worse than without vrtm."
     add("--max-worse", text, "N", type=whole(0, 1 << 31))

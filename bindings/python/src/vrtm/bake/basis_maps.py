@@ -122,12 +122,9 @@ class _MeshBasis:
         allowed = [basis_tiles.fold_counts(tiles, delta) for delta in deltas]
         basis = fit(deltas, bound, lambda basis: not self._folding(tiles, basis, allowed), self.form)
         if basis is None:
-            raise Failure(
-                INPUT,
-                f"{self.mesh.shape.path}: maps of {self.form} are off by more than {bound * settings.texture_size:g} "
-                "texels, or fold: --max-error must be larger, or --texture-size smaller"
-                + (f", or --basis-format {HALF}" if self.form == "unorm8" else ""),
-            )
+            most, other = bound * settings.texture_size, f", or --basis-format {HALF}" if self.form == "unorm8" else ""
+            told = f"{self.mesh.shape.path}: maps of {self.form} are off by more than {most:g} texels, or fold"
+            raise Failure(INPUT, f"{told}: --max-error must be larger, or --texture-size smaller{other}")
         document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
         files = self._write(tiles, basis, inputs)
         document["files"] = files
@@ -296,19 +293,16 @@ def _told(document: dict, path: str) -> list[str]:
     ]
     outside = document["worst_held_out"]
     if outside is not None:
-        lines.append(
-            f"held out: frame {outside['frame']} is the worst: off by {outside['error']:.2f} texels{_strain(outside)}"
-        )
+        told = f"held out: frame {outside['frame']} is the worst: off by {outside['error']:.2f} texels"
+        lines.append(f"{told}{_strain(outside)}")
     return lines
 
 
 def _strain(row: dict) -> str:
     own, one, total = (row["strain"][name] for name in ("own_uvs", "map", "basis"))
-    return (
-        ""
-        if total is None
-        else f", strain {own['rms']:.4f}, with its own map {one['rms']:.4f}, with the sum {total['rms']:.4f}"
-    )
+    if total is None:
+        return ""
+    return f", strain {own['rms']:.4f}, with its own map {one['rms']:.4f}, with the sum {total['rms']:.4f}"
 
 
 def _failure(document: dict, name: str) -> Failure | None:

@@ -61,11 +61,8 @@ class Carry:
 
     def facts(self) -> list[str]:
         """A sentence per prim that is carried."""
-        return [
-            f"{prim.path}: {prim.kind}, {counted(len(prim.roots), prim.places)}, carried by {group.mesh.shape.path}"
-            for group in self.groups
-            for prim in group.prims
-        ]
+        every = ((prim, group.mesh.shape.path) for group in self.groups for prim in group.prims)
+        return [f"{of.path}: {of.kind}, {counted(len(of.roots), of.places)}, carried by {path}" for of, path in every]
 
     def write(self, stop: Callable[[], None], warn: Callable[[str], None]) -> tuple[list[dict], Counter]:
         """Writes the file, unless it is up to date; returns what the report tells of each mesh, and the numbers of
@@ -224,15 +221,14 @@ class Group:
         """Of each prim, its places among all."""
         self.farthest = settings.carry_farthest or _FAR * float(np.linalg.norm(np.ptp(mesh.shape.rest, axis=0)))
         try:
-            self.carrier = mesh.parts[0].asset.carrier(
-                positions=np.concatenate(places), farthest=self.farthest, fit=settings.carry_fit
-            )
+            at, fit = np.concatenate(places), settings.carry_fit
+            self.carrier = mesh.parts[0].asset.carrier(positions=at, farthest=self.farthest, fit=fit)
         except vrtm.Error as error:
             raise describe(error, f"--carry-prims: {mesh.shape.path}") from error
         self.states = self.carrier.states()
         self.inputs = Fingerprint().text(VERSION, vrtm.version(), settings.carry_fit, mesh.common.hex(), self.farthest)
         """A hash of all that places depend on besides the pose."""
-        self.inputs.array(np.concatenate(places))
+        self.inputs.array(at)
 
     def moved(self) -> Moved:
         """The places in the pose that was solved last."""
@@ -246,15 +242,12 @@ class Group:
             states, whole = self.states[own], counted(len(prim.roots), prim.places)
             far, outside = np.count_nonzero(states == _TOO_FAR), np.count_nonzero((states > 0) & (states < _TOO_FAR))
             if far:
-                lines.append(
-                    f"{prim.path}: {far} of {whole} {'is' if far == 1 else 'are'} farther than {self.farthest:.4g} "
-                    f"(--carry-farthest) from {self.mesh.shape.path}, and left where the shot has them"
-                )
+                told = f"{prim.path}: {far} of {whole} {'is' if far == 1 else 'are'} farther than {self.farthest:.4g} "
+                told += f"(--carry-farthest) from {self.mesh.shape.path}, and left where the shot has them"
+                lines.append(told)
             if outside:
-                lines.append(
-                    f"{prim.path}: {outside} of {whole} lie where {self.mesh.shape.path} has no UVs, or folded ones, "
-                    "and ride as if nothing were redirected"
-                )
+                told = f"{outside} of {whole} lie where {self.mesh.shape.path} has no UVs, or folded ones"
+                lines.append(f"{prim.path}: {told}, and ride as if nothing were redirected")
         return lines
 
     def row(self) -> dict:

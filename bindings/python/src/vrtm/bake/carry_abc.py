@@ -7,19 +7,18 @@ import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import imath
 import numpy as np
-from alembic3d import Abc, AbcCoreAbstract, AbcGeom
+from alembic3d import Abc, AbcCoreAbstract
 
 from vrtm.bake import overwrite, staging
 from vrtm.bake.carry_prims import CarriedPrim, Pose, Scatter, made, wrong
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene import Scene
-from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh, to_world
+from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh, AlembicObject, to_world
 from vrtm.bake.scene.types import SceneError
 from vrtm.bake.words import cause
 
@@ -31,16 +30,6 @@ _BESIDE = 1 << 20
 """Bytes of an archive besides points that move, as a rule."""
 
 
-@dataclass(frozen=True)
-class _Found:
-    object: Any
-    parent: Any
-    above: tuple[Any, ...]
-    """The transforms above it."""
-    schema: str
-    """One of `_KINDS`, or empty."""
-
-
 class AlembicScatter(Scatter):
     """Objects of an archive."""
 
@@ -50,7 +39,7 @@ class AlembicScatter(Scatter):
         self._carried: set[str] = set()
         self._motions: dict[str, Motion] = {}
         with self._reading():
-            self._objects = {found.object.getFullName(): found for found in _objects_below(self._archive.top)}
+            self._objects = {found.path: found for found in self._archive.objects()}
 
     def time(self, frame: float) -> float:
         return self._scene.seconds(frame)
@@ -60,7 +49,7 @@ class AlembicScatter(Scatter):
 
     def _below(self, path: str) -> list[str]:
         below = f"{path.rstrip('/')}/"
-        return [name for name, found in self._objects.items() if found.schema and f"{name}/".startswith(below)]
+        return [name for name, found in self._objects.items() if _kind(found) and f"{name}/".startswith(below)]
 
     def to_world(self, prim: CarriedPrim, frame: float) -> np.ndarray:
         with self._reading():
@@ -94,13 +83,12 @@ class AlembicScatter(Scatter):
             return None
 
     def differences(self, path: str, prim: CarriedPrim, times: Sequence[float], poses: Sequence[Pose]) -> Iterator[str]:
-        there = {found.object.getFullName(): found for found in _objects_below(AlembicFile(path).top)}
-        found = there.get(prim.path)
-        if found is None or not found.schema:
+        archive = AlembicFile(path)
+        found = next((found for found in archive.objects() if found.path == prim.path and _kind(found)), None)
+        if found is None:
             yield "it is not there"
             return
-        schema = getattr(AbcGeom, f"I{found.schema}")(found.parent, found.object.getName()).getSchema()
-        own = AlembicMesh(path, prim.path, prim.path, schema, found.above, False)
+        own = AlembicMesh(path, found, _kind(found))
         if own.samples != len(times) or (own.samples > 1 and not np.allclose(own.times(False), times, atol=_EVEN)):
             yield f"P: has {own.samples} samples, not {len(times)} at the times of the frames"
         for pose in poses:
@@ -119,7 +107,7 @@ class AlembicScatter(Scatter):
         for path in self._carried:
             parts = path.split("/")
             kept.update("/".join(parts[:end]) for end in range(2, len(parts)))
-        sets = (path for path, found in self._objects.items() if AbcGeom.IFaceSet.matches(found.object.getHeader()))
+        sets = (path for path, found in self._objects.items() if found.matches("FaceSet"))
         return kept | {path for path in sets if path.rsplit("/", 1)[0] in self._carried}
 
     def _read(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
@@ -127,29 +115,24 @@ class AlembicScatter(Scatter):
             return self._read_object(path, seconds, in_parts)
 
     def _read_object(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
-        found = self._objects[path]
-        schema = getattr(AbcGeom, f"I{found.schema}")(found.parent, found.object.getName()).getSchema()
-        posed = AlembicMesh(self._file, path, path, schema, found.above, False)
+        kind = _kind(self._objects[path])
+        posed = AlembicMesh(self._file, self._objects[path], kind)
         counts = {posed.count(index) for index in range(posed.samples)}
-        changes = found.schema != "Points" and str(schema.getTopologyVariance()) == "kHeterogenousTopology"
+        changes = kind != "Points" and str(posed.schema.getTopologyVariance()) == "kHeterogenousTopology"
         if changes or len(counts) > 1:
             return "has another topology in some samples, and cannot be bound once"
         points = posed.at(seconds, None).astype(np.float64) if counts else np.zeros((0, 3))
-        curves = None
-        if found.schema == "Curves":
-            curves = np.array(schema.getNumVerticesProperty().getValue(), np.int64)
+        of = posed.schema.getNumVerticesProperty().getValue() if kind == "Curves" else None
+        curves = None if of is None else np.array(of, np.int64)
         why = wrong(points, curves)
         if why is not None:
             return why
-        self.warnings += [
-            f"{path}: {name} stays as it is: archives do not agree on the order of a quaternion's numbers"
-            for name in posed.params()
-            if found.schema == "Points" and posed.interpretation(name) == "quat"
-        ]
+        odd = [name for name in posed.params() if kind == "Points" and posed.interpretation(name) == "quat"]
+        why = "stays as it is: archives do not agree on the order of a quaternion's numbers"
+        self.warnings += [f"{path}: {name} {why}" for name in odd]
         self._carried.add(path)
-        is_mesh = _KINDS[found.schema] == "mesh"
-        faces = posed.faces(0) if is_mesh and in_parts else None
-        return made(path, _KINDS[found.schema], points, curves, None, faces)
+        faces = posed.faces(0) if _KINDS[kind] == "mesh" and in_parts else None
+        return made(path, _KINDS[kind], points, curves, None, faces)
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
@@ -160,15 +143,9 @@ class AlembicScatter(Scatter):
             raise Failure(INPUT, f"{self._file}: cannot be read: {cause(error)}") from error
 
 
-def _objects_below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]:
-    for number in range(parent.getNumChildren()):
-        child = parent.getChild(number)
-        header = child.getHeader()
-        schema = next((name for name in _KINDS if getattr(AbcGeom, f"I{name}").matches(header)), "")
-        yield _Found(child, parent, above, schema)
-        is_xform = AbcGeom.IXform.matches(header)
-        own = (*above, AbcGeom.IXform(parent, child.getName()).getSchema()) if is_xform else above
-        yield from _objects_below(child, own)
+def _kind(found: AlembicObject) -> str:
+    """One of `_KINDS`, or empty."""
+    return next(filter(found.matches, _KINDS), "")
 
 
 class Motion:

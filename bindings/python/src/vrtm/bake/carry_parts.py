@@ -88,15 +88,12 @@ class Nearest:
             if level:
                 at, box = np.tile(at, 2), np.concatenate([2 * box, 2 * box + 1])
             most = np.minimum(found, (nearest + slack)[part])
-            near = self._away(points[at], level, box) <= most[at]
+            low, high = (ends[box] for ends in self._boxes[level])
+            near = np.linalg.norm(points[at] - np.clip(points[at], low, high), axis=1) <= most[at]
             at, box = at[near], box[near]
         np.minimum.at(found, at, self._in_leaf(points[at], box))
         np.minimum.at(nearest, part, found)
         return np.where(found <= (nearest + slack)[part], found, np.inf)
-
-    def _away(self, points: np.ndarray, level: int, box: np.ndarray) -> np.ndarray:
-        low, high = self._boxes[level]
-        return np.linalg.norm(points - np.clip(points, low[box], high[box]), axis=1)
 
     def _in_leaf(self, points: np.ndarray, box: np.ndarray) -> np.ndarray:
         return np.min([to_triangles(points, self._leaves[box, k]) for k in range(_LEAF)], axis=0)

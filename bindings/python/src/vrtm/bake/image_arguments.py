@@ -40,22 +40,13 @@ def add_rigidity(commands: Any) -> None:
     parser.add_argument("image", metavar="IMAGE", help="A texture or a height map; <UDIM> stands for the tile.")
     add = functools.partial(option, parser)
     add("--out", "Write these maps, .png, .tif or .exr, with <UDIM> if IMAGE has it.", "IMAGE", required=True)
-    add(
-        "--from",
-        "Rigid are the bright parts, the parts of about one colour, or the parts that stand out of their surroundings. "
-        "With detail, what is drawn outside of the features of --and becomes grey.",
-        dest="source",
-        choices=("brightness", "colour", "height", "detail"),
-        default="brightness",
-    )
+    text = "Rigid are the bright parts, the parts of about one colour, or the parts that stand out of their "
+    text += "surroundings. With detail, what is drawn outside of the features of --and becomes grey."
+    add("--from", text, dest="source", choices=("brightness", "colour", "height", "detail"), default="brightness")
     add("--and", "Add these rigidity maps, made or painted. Theirs is the size.", "IMAGE", dest="also")
-    add(
-        "--threshold",
-        "The least brightness, or the least height above the surroundings as a part of the largest. By default the "
-        "value that separates the texels best.",
-        "X",
-        type=fraction,
-    )
+    text = "The least brightness, or the least height above the surroundings as a part of the largest. By default the "
+    text += "value that separates the texels best."
+    add("--threshold", text, "X", type=fraction)
     add("--colour", "With --from colour, the colour as stored: '#cc994d' or 0.8,0.6,0.3.", "RGB", type=_colour)
     add("--tolerance", "With --from colour, the largest distance from it (0.2 by default).", "X", type=positive)
     add("--feature", "With --from height, the width of the largest feature (0.06 by default).", "UV", type=fraction)

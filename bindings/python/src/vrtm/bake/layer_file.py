@@ -58,10 +58,14 @@ def write(work: Work) -> tuple[list[str], Failure | None, Callable[[], Iterator[
     gone = [path for path in paths if not os.path.isfile(path)]
     forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
     wrong = [path for path, form in forms if form != settings.form]
+    if not (wrong or gone):
+        return warnings, None, compared
     if wrong:
         message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
         return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}"), compared
-    return warnings, _lacking(settings, gone) if gone else None, compared
+    message = f"--layer {settings.layer}: {len(gone)} of the files that it names do not exist, such as {gone[0]}: "
+    message += "bake all tiles of its meshes, and all of its frames, into the same folder"
+    return warnings, Failure(TOLERANCE, message), compared
 
 
 def foretell(work: Work) -> tuple[list[str], Failure | None]:
@@ -88,14 +92,6 @@ def _idle(settings: Settings) -> str:
         "whose textures are then replaced by warped copies, or --layer-mode primvar; the meshes must have materials "
         "that look textures up by their UVs"
     )
-
-
-def _lacking(settings: Settings, files: list[str]) -> Failure:
-    message = (
-        f"--layer {settings.layer}: {len(files)} of the files that it names do not exist, such as {files[0]}: bake all "
-        "tiles of its meshes, and all of its frames, into the same folder"
-    )
-    return Failure(TOLERANCE, message)
 
 
 def check(work: Work) -> None:

@@ -243,11 +243,8 @@ class MeshWork:
         if write and (stale or whole or self.settings.warm):
             # Corner UVs are those of all tiles together, and a later frame may start from any of them.
             every = whole or self.settings.warm
-            tiles = [
-                tile
-                for tile in (self.every_tile if whole else self.tiles)
-                if every or any(piece.tile is tile for piece in stale)
-            ]
+            wanted = self.every_tile if whole else self.tiles
+            tiles = [tile for tile in wanted if every or any(piece.tile is tile for piece in stale)]
             for part in self.parts:
                 own = [tile for tile in tiles if tile.part is part]
                 if own:

@@ -1,7 +1,7 @@
 """Vertices of other meshes that lie where a mesh ends: there the surface goes on.
 
 Each mesh has its coordinates in a space of its own. Those of two meshes may be equal there although both are far apart,
-and differ although both meet. So points of several meshes are compared as `World` alone, which `Placed` makes of them.
+and differ although both meet. So points of several meshes are compared as `World` alone.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrtm.bake.scene import Scene, Shape
+from vrtm.bake.scene.axes import placed
 from vrtm.borders import places
 
 _NEAR = 1e-5
@@ -44,20 +45,6 @@ class World:
         return False
 
 
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """A mesh at rest, at one of its places in the world."""
-
-    name: str
-    rest: np.ndarray
-    """(vertices, 3), in the mesh's own space."""
-    to_world: np.ndarray
-    """(4, 4), by which rows of it are multiplied."""
-
-    def world(self, vertices: np.ndarray | slice = slice(None)) -> World:
-        return World(self.rest[vertices].astype(np.float64) @ self.to_world[:3, :3] + self.to_world[3, :3])
-
-
 class Neighbours:
     """All meshes of a scene at rest, also those that are not baked."""
 
@@ -65,26 +52,28 @@ class Neighbours:
         """`shapes`: those of the scene, in the units of their poses."""
         known = [(shape.name, shape.rest, scene.places(shape)) for shape in shapes]
         every = known + [("", rest, [to_world]) for rest, to_world in scene.bystanders()]
-        self._placed = [Placed(name, rest, to_world) for name, rest, matrices in every for to_world in matrices]
+        self._placed = [(name, rest, to_world) for name, rest, matrices in every for to_world in matrices]
+        """Of each mesh in each of its places, the name, the rest and the way to the world."""
         boxes = [_boxes(rest, np.array(matrices)) for _, rest, matrices in every]
         self._low, self._high, self._rounding = (np.concatenate(of) for of in zip(*boxes))
 
     def touch(self, shape: Shape, border: np.ndarray) -> bool:
         """True if other vertices lie at some of a mesh, in any of its places. `border`: their numbers."""
-        own = [number for number, placed in enumerate(self._placed) if placed.name == shape.name]
+        own = [number for number, (name, *_) in enumerate(self._placed) if name == shape.name]
         return len(border) > 0 and any(self._touch(number, border) for number in own[:_PLACES])
 
+    def _world(self, number: int, vertices: np.ndarray | slice = slice(None)) -> World:
+        _, rest, to_world = self._placed[number]
+        return World(placed(rest[vertices].astype(np.float64), to_world))
+
     def _touch(self, number: int, border: np.ndarray) -> bool:
-        edge = self._placed[number].world(border)
+        edge = self._world(number, border)
         least = max(_NEAR * float((self._high - self._low)[number].max()), 1e-30)
         near = np.maximum(self._rounding, max(least, self._rounding[number]))[:, None]
         low, high = edge.points.min(axis=0) - near, edge.points.max(axis=0) + near
         around = np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))
-        return any(
-            edge.meets(self._placed[other].world().within(low[other], high[other]), near[other, 0])
-            for other in around
-            if other != number
-        )
+        others = around[around != number]
+        return any(edge.meets(self._world(of).within(low[of], high[of]), near[of, 0]) for of in others)
 
 
 def _boxes(rest: np.ndarray, to_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

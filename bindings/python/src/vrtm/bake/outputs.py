@@ -44,13 +44,8 @@ class Output:
 
     def image(self, tile, size: tuple[int, int]) -> np.ndarray:
         """(height, width, channels) of a tile that is solved, the first row at the top."""
-        pixels = tile.fetch(
-            self.fetch,
-            size,
-            dtype=np.dtype(self.dtype).type,
-            channels=self.fetched,
-            uv_set=int(self.fetch in _OF_SET.values()),
-        )
+        dtype, uv_set = np.dtype(self.dtype).type, int(self.fetch in _OF_SET.values())
+        pixels = tile.fetch(self.fetch, size, dtype=dtype, channels=self.fetched, uv_set=uv_set)
         return np.broadcast_to(pixels, (*pixels.shape[:2], len(self.channels))) if self.fetched == 1 else pixels
 
 

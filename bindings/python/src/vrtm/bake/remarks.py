@@ -93,10 +93,8 @@ class Remarks:
         place = f"{mesh.shape.path} tile {name}"
         self.info(f"{place}: {report.shares(tile)}")
         if tile["fixed"] > report.MOSTLY:
-            self.warn(
-                f"{place}: {tile['fixed']:.0%} of its rigid texels are fixed and stay as they are: "
-                f"{report.advice(mesh.settings, tile)}"
-            )
+            told = f"{tile['fixed']:.0%} of its rigid texels are fixed and stay as they are"
+            self.warn(f"{place}: {told}: {report.advice(mesh.settings, tile)}")
 
     def ended(self, work: Work, results: Sequence[FrameResult], missing: Sequence[LeftOut]) -> None:
         """All files are written, as far as they can be."""
@@ -129,10 +127,8 @@ def notes(work: Work) -> list[str]:
                 notes.append(f"{part.where}: {copy.pattern} has no file of {numbered('tile', lacking)}")
     other = [path for path, form in work.replaced("vrtm:form") if form != settings.form]
     if other:
-        notes.append(
-            f"{len(other)} maps of another form, such as {other[0]}, are replaced by ones of form {settings.form}: "
-            "layers that name them have to be written again"
-        )
+        told = f"{len(other)} maps of another form, such as {other[0]}, are replaced by ones of form {settings.form}"
+        notes.append(f"{told}: layers that name them have to be written again")
     return notes
 
 
@@ -167,10 +163,8 @@ def hints(work: Work) -> list[str]:
     for mesh in work.meshes.values() if not work.settings.layer else ():
         most = max((tile.tile.layers for tile in mesh.tiles), default=1)
         if most > 1:
-            hints.append(
-                f"{mesh.shape.path}: its UVs lie over one another in {most} layers, each of which has maps of its "
-                "own: --layer writes which faces take which"
-            )
+            told = f"its UVs lie over one another in {most} layers, each of which has maps of its own"
+            hints.append(f"{mesh.shape.path}: {told}: --layer writes which faces take which")
     return hints
 
 
@@ -190,12 +184,9 @@ def facts(work: Work) -> list[str]:
 
 def borders(work: Work) -> list[str]:
     """The choices at borders, and their reasons."""
-    chosen = _grouped(
-        (f"seams {of.seams}, open borders {of.open_borders}: {of.why}", mesh.shape.path)
-        for mesh in work.meshes.values()
-        if (of := mesh.borders).why
-    )
-    return [f"{first}{others(len(more))}: {line}" for line, (first, *more) in chosen.items()]
+    every = ((mesh.borders, mesh.shape.path) for mesh in work.meshes.values())
+    told = ((f"seams {of.seams}, open borders {of.open_borders}: {of.why}", path) for of, path in every if of.why)
+    return [f"{first}{others(len(more))}: {line}" for line, (first, *more) in _grouped(told).items()]
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:

@@ -47,15 +47,8 @@ class Summary:
     def line(self) -> str:
         count = f"{counted(len(self.frames), 'frame')} ({frames.text(self.frames)})"
         done = f"{counted(self.written, 'file')} written" + (f", {self.skipped} up to date" if self.skipped else "")
-        parts = [
-            count,
-            self._strain(),
-            self._worse(),
-            f"{self.fixed:.1%} fixed" if self.rigid else "",
-            done,
-            f"{self.seconds:.1f} s",
-        ]
-        return f"{self.path}: {', '.join(filter(None, parts))}"
+        parts = [count, self._strain(), self._worse(), f"{self.fixed:.1%} fixed" if self.rigid else "", done]
+        return f"{self.path}: {', '.join(filter(None, parts))}, {self.seconds:.1f} s"
 
     def _strain(self) -> str:
         if not self.measured:
@@ -82,12 +75,8 @@ class Summary:
             return None
         worse = {frame: sum(tile["worse"] for tile in tiles) for frame, tiles in self.features.items()}
         frame = max(worse, key=lambda frame: worse[frame])
-        found = [
-            {"frame": frame} | feature
-            for frame, tiles in self.features.items()
-            for tile in tiles
-            for feature in tile["worst"]
-        ]
+        worst_of = ((frame, of) for frame, tiles in self.features.items() for tile in tiles for of in tile["worst"])
+        found = [{"frame": frame} | feature for frame, feature in worst_of]
         worst = max(found, key=lambda feature: feature["after"] - feature["before"], default=None)
         count = sum(tile["count"] for tile in self.features[frame])
         return {"count": count, "worse": worse[frame], "frame": frame, "worst": worst}
@@ -140,10 +129,8 @@ def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> It
 def shares(tile: dict) -> str:
     """Shares of a tile's texels that are fixed and that may move, as a sentence."""
     rigid = tile["rigid"]
-    told = (
-        f"{rigid['fixed']:.1%} of the rigid texels are fixed, {rigid['overlapped']:.1%} overlapped, "
-        f"{rigid['movable']:.1%} may move; "
-    )
+    told = f"{rigid['fixed']:.1%} of the rigid texels are fixed, {rigid['overlapped']:.1%} overlapped, "
+    told += f"{rigid['movable']:.1%} may move; "
     covered = f"{tile['overlap']:.1%} of the covered ones are overlapped, {tile['movable']:.1%} of the grid may move"
     if rigid["texels"]:
         return told + covered

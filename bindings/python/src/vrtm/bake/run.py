@@ -209,9 +209,8 @@ def _draw_sheets(baking: _Bake, results: list[FrameResult]) -> None:
     """Draws each mesh in its worst frame. Raises Failure."""
     work = baking.work
     for name, file in work.sheets().items():
-        own = sorted(
-            (result for result in results if result.mesh == name and result.tiles), key=lambda result: result.frame
-        )
+        own = [result for result in results if result.mesh == name and result.tiles]
+        own.sort(key=lambda result: result.frame)
         if own:
             worst = sheet.worst(own)
             positions = work.scene.positions(work.meshes[name].shape, worst.frame)

@@ -59,11 +59,8 @@ def _bars(sheet: np.ndarray, corner: tuple[int, int], size: tuple[int, int], til
     if not shown or length <= 0:
         return []
     count = min(max(height // _TALL // len(shown), 1), len(_KINDS))
-    rows = [
-        (f"{name} {kind}" if len(tiles) > 1 else kind, values)
-        for name, strain in shown
-        for kind, values in zip(_KINDS[:count], _values(strain))
-    ]
+    every = ((name, *pair) for name, strain in shown for pair in zip(_KINDS[:count], _values(strain)))
+    rows = [(f"{name} {kind}" if len(tiles) > 1 else kind, values) for name, kind, values in every]
     start, most = left + _NAME, max(max(values) for _, values in rows) or 1.0
     texts: list[Text] = [(left, top + 14, 16, "strain")]
     for x, colour, name in ((start, QUIET, "original UVs"), (start + 140, GOLD, "vrtm")):

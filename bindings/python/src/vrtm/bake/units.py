@@ -160,29 +160,18 @@ class Units:
         where = f"at rest (the rest is from {self._shape.rest_from})"
         if factor is not None:
             self._scale = float(f"{self._scale * factor:.6g}")
-            return Finding(
-                self._scale,
-                "by the lengths of its edges",
-                f"all of its edges are {factor:.6g} times as long as {where} in all frames: this is another unit, "
-                "or another size, and no deformation, so that the rest is scaled by it; --allow-units leaves it",
-            )
+            told = f"all of its edges are {factor:.6g} times as long as {where} in all frames: this is another unit, "
+            told += "or another size, and no deformation, so that the rest is scaled by it; --allow-units leaves it"
+            return Finding(self._scale, "by the lengths of its edges", told)
         between = f"{least:.4g}" if _apart(least, most) < _ALIKE else f"{least:.4g} to {most:.4g}"
         if all(_apart(entry.median, 1) >= _IMPLAUSIBLE for entry in found) and (least > 1 or most < 1):
             ends = all(_apart(entry.median, 1) >= _OTHER for entry in found)
             then = "--allow-units bakes it all the same" if ends else "nothing is converted"
-            return Finding(
-                self._scale,
-                reason,
-                f"its edges are {between} times as long as {where}, as if one of them were in another unit: {then}",
-                ends,
-            )
+            told = f"its edges are {between} times as long as {where}, as if one of them were in another unit: {then}"
+            return Finding(self._scale, reason, told, ends)
         if least > _ALIKE or most < 1 / _ALIKE:
-            return Finding(
-                self._scale,
-                reason,
-                f"all of its edges are {between} times as long as {where}, as if it grew: if the rest is in another "
-                "unit, scale it; nothing is converted",
-            )
+            told = f"all of its edges are {between} times as long as {where}, as if it grew: if the rest is in another "
+            return Finding(self._scale, reason, f"{told}unit, scale it; nothing is converted")
         return Finding(self._scale, reason)
 
     def jump(self, frame: Frame, positions: np.ndarray) -> Finding:
@@ -213,12 +202,11 @@ class Units:
         self._jumps.add((before, after))
         ends = gross and _apart(change, 1) >= _OTHER
         then = "--allow-units bakes it all the same" if ends else "nothing is converted"
-        return Finding(
-            warning=f"its edges are {here.median:.3g} times as long as at rest (median; the rest is from "
+        told = f"its edges are {here.median:.3g} times as long as at rest (median; the rest is from "
+        told += (
             f"{self._shape.rest_from}), and in frame {after} {change:.3g} times as long as in frame {before}, as if "
-            f"one of them were in another unit: {then}",
-            ends=ends,
         )
+        return Finding(warning=f"{told}one of them were in another unit: {then}", ends=ends)
 
 
 def _densest(ascending: np.ndarray, ratio: float) -> np.ndarray:

@@ -259,13 +259,9 @@ class Work(contextlib.AbstractContextManager):
 
     def _idle_names(self) -> Iterator[tuple[str, str]]:
         """The mesh and the path of all files that are not written, since nothing is gained."""
-        return (
-            (mesh.shape.name, name)
-            for mesh in self.meshes.values()
-            if mesh.idle
-            for frame in self.frames
-            for name in mesh.idle_names(frame, self.pattern)
-        )
+        for mesh in (mesh for mesh in self.meshes.values() if mesh.idle):
+            for frame in self.frames:
+                yield from ((mesh.shape.name, name) for name in mesh.idle_names(frame, self.pattern))
 
     @property
     def choices(self) -> Choices:
@@ -321,11 +317,8 @@ class Work(contextlib.AbstractContextManager):
         names = {mesh.shape.name for mesh in self.meshes.values()}
         for path, mesh in self.replaced("vrtm:mesh"):
             if mesh not in names and not settings.overwrite:
-                raise Failure(
-                    INPUT,
-                    f"--out: {path} holds the maps of the mesh {mesh}: --overwrite replaces them, and --name with "
-                    "<mesh> keeps both",
-                )
+                told = f"--out: {path} holds the maps of the mesh {mesh}: --overwrite replaces them"
+                raise Failure(INPUT, f"{told}, and --name with <mesh> keeps both")
 
     def _outputs(self, of_layer: Sequence[str]) -> list[tuple[str, str]]:
         """All files to be written, with their options."""

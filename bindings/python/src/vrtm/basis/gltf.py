@@ -61,24 +61,18 @@ def glb(
     times: np.ndarray,
     weights: np.ndarray,
     generator: str,
-    extras: dict | None = None,
 ) -> bytes:
     """The bytes of a file. `positions`: (vertices, 3) at rest. `uvs`: (vertices, 2) within their tile, v up. `tiles`:
     the triangles (count, 3) of each, by the name of its material. `times`: (frames,) in seconds, ascending; `weights`:
     (frames, morphs)."""
     buffer = _Buffer()
-    attributes = {
-        "POSITION": buffer.add(positions, _ARRAY, limits=True),
-        "TEXCOORD_0": buffer.add(np.stack([uvs[:, 0], 1 - uvs[:, 1]], -1), _ARRAY),
-    }
+
+    def added(positions: np.ndarray, uvs: np.ndarray) -> dict[str, int]:
+        return {"POSITION": buffer.add(positions, _ARRAY, limits=True), "TEXCOORD_0": buffer.add(uvs, _ARRAY)}
+
+    attributes = added(positions, np.stack([uvs[:, 0], 1 - uvs[:, 1]], -1))
     # Programs differ in what they make of a target without positions: all have both.
-    targets = [
-        {
-            "POSITION": buffer.add(morph.positions, _ARRAY, limits=True),
-            "TEXCOORD_0": buffer.add(morph.uvs * (1, -1), _ARRAY),
-        }
-        for morph in morphs
-    ]
+    targets = [added(morph.positions, morph.uvs * (1, -1)) for morph in morphs]
     more = {"targets": targets} if targets else {}
     primitives = [
         {"attributes": attributes, "indices": buffer.add(triangles.reshape(-1), _ELEMENTS), "material": k, **more}
@@ -99,13 +93,8 @@ def glb(
         sampler = {"input": buffer.add(times, limits=True), "output": buffer.add(weights.reshape(-1))}
         channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
         document["animations"] = [{"name": "motion", "samplers": [sampler], "channels": [channel]}]
-    if extras:
-        mesh.setdefault("extras", {}).update(extras)
-    document |= {
-        "buffers": [{"byteLength": len(buffer.data)}],
-        "bufferViews": buffer.views,
-        "accessors": buffer.accessors,
-    }
+    document["buffers"] = [{"byteLength": len(buffer.data)}]
+    document |= {"bufferViews": buffer.views, "accessors": buffer.accessors}
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     chunks = ((b"JSON", text), (b"BIN\0", buffer.data))

@@ -11,7 +11,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from vrtm.bake.frames import Frame
 from vrtm.bake.layer.clips import ATTRIBUTE, CLIP_PRIM
 from vrtm.bake.layer.plan import LayerPlan
-from vrtm.bake.layer.write import STAGE_FIELDS, tell
+from vrtm.bake.layer.write import STAGE_FIELDS, named_files, tell
 from vrtm.bake.mark import found_in
 from vrtm.bake.scene import Scene, Shape
 
@@ -43,14 +43,8 @@ def differences(path: str, root: str | None, scene: Scene, plan: LayerPlan, file
 
 def _wrong_files(layer: Sdf.Layer, stage: Usd.Stage, code: Usd.TimeCode, frame: Frame, files: Files) -> Iterator[str]:
     """Attributes of a layer by which a renderer does not find the files of a frame."""
-    names: list[Sdf.Path] = []
-    layer.Traverse("/", lambda path: names.append(path) if path.IsPropertyPath() else None)
-    for path in names:
-        spec = layer.GetAttributeAtPath(path)
-        if spec is None or spec.typeName != Sdf.ValueTypeNames.Asset:
-            continue
-        values = [spec.default, *(layer.QueryTimeSample(path, time) for time in layer.ListTimeSamplesForPath(path))]
-        if not any(value and value.path in files for value in values):
+    for path, named in named_files(layer).items():
+        if files.keys().isdisjoint(named):
             continue
         attribute = stage.GetAttributeAtPath(path)
         if not attribute or attribute.GetPrim().IsInstanceProxy():

@@ -29,11 +29,8 @@ class Bound:
 
 def bound_parts(mesh: Usd.Prim, shape: Shape, plan: LayerPlan) -> list[Bound]:
     """The prims of a mesh that materials are bound to: itself first, then its subsets."""
-    subsets = [
-        subset
-        for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()
-        if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face
-    ]
+    every = UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()
+    subsets = [subset for subset in every if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face]
     names = plan.parts.get(shape.name)
 
     def part_of(name: str) -> str | None:

@@ -68,10 +68,8 @@ class Redirector:
                 normals.append(shader.GetInput("in"))
         for plug in normals:
             if plug and done & {str(node.GetPath()) for node in self._upstream(plug)}:
-                self._warnings.append(
-                    f"{self._shape.path}: {plug.GetPrim().GetPath()} takes a normal map, which the layer looks up "
-                    "redirected, but does not turn"
-                )
+                told = f"{plug.GetPrim().GetPath()} takes a normal map, which the layer looks up redirected"
+                self._warnings.append(f"{self._shape.path}: {told}, but does not turn")
         return len(done | self._copies.keys())
 
     # UsdPreviewSurface

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -49,15 +50,17 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
     out_path = os.fspath(out_path)
     manifest = manifest_path(out_path)
     layer, warnings, _ = redirected(out_path, scene, plan)
+    files = {path for paths in named_files(layer).values() for path in paths}
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
         for shape in map(scene.shape, plan.shapes):
+            files.update(path for path, _ in plan.values(functools.partial(plan.corner_path, shape.name)))
             for path in shape.instances:
                 author_clips(Sdf.CreatePrimInLayer(layer, path), shape, plan, f"./{os.path.basename(manifest)}")
         write_manifest(manifest)
     mark(layer, "layer", [path for name in plan.shapes for path in scene.shape(name).instances])
     export(layer, out_path, Sdf.Layer.ExportToString)
-    return Written(warnings, frozenset(_named(layer)))
+    return Written(warnings, frozenset(files))
 
 
 def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer, list[str], bool]:
@@ -78,19 +81,16 @@ def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer,
     return layer, author.warnings, plan.corner_path is not None or any(changed)
 
 
-def _named(layer: Sdf.Layer) -> set[str]:
-    """The files that attributes and clips of a layer name."""
-    found: set[str] = set()
+def named_files(layer: Sdf.Layer) -> dict[Sdf.Path, list[str]]:
+    """The files that each attribute of a layer names over time, as it names them."""
+    found: dict[Sdf.Path, list[str]] = {}
 
     def visit(path: Sdf.Path) -> None:
-        spec = layer.GetObjectAtPath(path)
-        if isinstance(spec, Sdf.AttributeSpec) and spec.typeName == Sdf.ValueTypeNames.Asset:
+        spec = layer.GetAttributeAtPath(path) if path.IsPropertyPath() else None
+        if spec is not None and spec.typeName == Sdf.ValueTypeNames.Asset:
             times = layer.ListTimeSamplesForPath(path)
-            assets = [spec.default, *(layer.QueryTimeSample(path, time) for time in times)]
-            found.update(asset.path for asset in assets if asset)
-        elif isinstance(spec, Sdf.PrimSpec) and spec.HasInfo("clips"):
-            for clips in spec.GetInfo("clips").values():
-                found.update(asset.path for asset in clips["assetPaths"])
+            values = [spec.default, *(layer.QueryTimeSample(path, time) for time in times)]
+            found[path] = [asset.path for asset in values if asset]
 
     layer.Traverse("/", visit)
     return found

@@ -90,10 +90,8 @@ class Scene(AbstractContextManager):
         with self._reading():
             positions = np.ascontiguousarray(self.source.positions(shape, frame))
         if positions.shape != shape.rest.shape:
-            raise SceneError(
-                f"{self.path} {shape.path}: frame {frame:g} has {len(positions)} vertices, "
-                f"the rest has {len(shape.rest)}"
-            )
+            told = f"frame {frame:g} has {len(positions)} vertices, the rest has {len(shape.rest)}"
+            raise SceneError(f"{self.path} {shape.path}: {told}")
         return positions
 
     def seconds(self, frame: float) -> float:

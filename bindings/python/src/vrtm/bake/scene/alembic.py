@@ -101,11 +101,8 @@ class AlembicSource(PosedSource["AlembicShape"]):
                 self._leave_out(mesh.path, reason, mesh.is_still(options))
             else:
                 chosen.append((mesh, uvs))
-        self.left_out += [
-            LeftOut("is a NURBS surface, which is not read", path)
-            for path in self._file.unread
-            if not self._why_not(path)
-        ]
+        unread = (path for path in self._file.unread if not self._why_not(path))
+        self.left_out += [LeftOut("is a NURBS surface, which is not read", path) for path in unread]
         self._check_chosen(chosen)
         return chosen
 

@@ -5,6 +5,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,10 +46,9 @@ class AlembicFile:
         except RuntimeError as error:
             with open(path, "rb") as file:
                 if file.read(len(HDF5)) == HDF5:
-                    raise SceneError(
-                        f"{path}: an Alembic file in HDF5, the format before Ogawa, which this reader does not have: "
-                        "convert it with 'abcconvert -toOgawa IN.abc OUT.abc', or write it as Ogawa"
-                    ) from error
+                    told = "an Alembic file in HDF5, the format before Ogawa, which this reader does not have: "
+                    told += "convert it with 'abcconvert -toOgawa IN.abc OUT.abc', or write it as Ogawa"
+                    raise SceneError(f"{path}: {told}") from error
             raise SceneError(f"{path}: not an Alembic file ({error})") from error
         self.path = path
 
@@ -73,47 +73,58 @@ class AlembicFile:
         """The text that the archive was written with; empty if there is none."""
         return self.top.getMetaData().get("_ai_Description")
 
+    def objects(self) -> "Iterator[AlembicObject]":
+        """All objects, in the order of the file, each before those below it."""
+        return _below(self.top)
+
     def meshes(self) -> "Iterator[AlembicMesh]":
         """All meshes, in the order of the file."""
         self.unread: list[str] = []
-        yield from self._below(self.top)
-
-    def _below(
-        self, parent: Any, above: tuple[Any, ...] = (), hidden: bool = False, origin: str = ""
-    ) -> "Iterator[AlembicMesh]":
-        for number in range(parent.getNumChildren()):
-            child = parent.getChild(number)
-            name = child.getName()
-            off = hidden or _hidden(child)
-            own = child.instanceSourcePath() if child.isInstanceRoot() else f"{origin}/{name}"
-            for kind in (AbcGeom.IPolyMesh, AbcGeom.ISubD):
-                if kind.matches(child.getHeader()):
-                    schema = kind(parent, name).getSchema()
-                    yield AlembicMesh(self.path, child.getFullName(), own, schema, above, off)
-            if AbcGeom.INuPatch.matches(child.getHeader()) and not off:
-                self.unread.append(child.getFullName())
-            transforms = above
-            if AbcGeom.IXform.matches(child.getHeader()):
-                transforms = (*above, AbcGeom.IXform(parent, name).getSchema())
-            yield from self._below(child, transforms, off, own)
+        for found in self.objects():
+            for kind in ("PolyMesh", "SubD"):
+                if found.matches(kind):
+                    yield AlembicMesh(self.path, found, kind)
+            if found.matches("NuPatch") and not found.hidden:
+                self.unread.append(found.path)
 
     def meshes_at_first_frame(self) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
         """(path, positions, face counts, indices) of all meshes at their first sample."""
         return [(mesh.path, mesh.sample(0), *mesh.faces(0)) for mesh in self.meshes() if not mesh.hidden]
 
 
-class AlembicMesh:
-    """One mesh of an archive."""
+@dataclass(frozen=True)
+class AlembicObject:
+    """An object of an archive, and its place there."""
 
-    def __init__(self, file: str, path: str, origin: str, schema: Any, above: tuple[Any, ...], hidden: bool) -> None:
-        self.origin = origin
-        """The path of the mesh that an instance stands for; its own path, if it is none."""
-        self.hidden = hidden
-        """True if it, or an object above it, is hidden in the first sample."""
-        self.path, self.where = path, f"{file} {path}"
-        self.schema = schema
-        self._above = above
-        self._positions = schema.getPositionsProperty()
+    object: Any
+    parent: Any
+    above: tuple[Any, ...]
+    """The transforms above it."""
+    hidden: bool
+    """True if it, or an object above it, is hidden in the first sample."""
+    origin: str
+    """The path of the object that an instance stands for; its own path, if it is none."""
+
+    @property
+    def path(self) -> str:
+        return self.object.getFullName()
+
+    def matches(self, kind: str) -> bool:
+        """True if it is of a kind, such as `PolyMesh`."""
+        return getattr(AbcGeom, f"I{kind}").matches(self.object.getHeader())
+
+    def schema(self, kind: str) -> Any:
+        return getattr(AbcGeom, f"I{kind}")(self.parent, self.object.getName()).getSchema()
+
+
+class AlembicMesh:
+    """One mesh of an archive, or another object with points."""
+
+    def __init__(self, file: str, found: AlembicObject, kind: str) -> None:
+        self.origin, self.hidden, self.path, self._above = found.origin, found.hidden, found.path, found.above
+        self.where = f"{file} {self.path}"
+        self.schema = found.schema(kind)
+        self._positions = self.schema.getPositionsProperty()
         self.samples = self._positions.getNumSamples()
         self._sampling = self._positions.getTimeSampling()
         self._times: dict[bool, list[float]] = {}
@@ -175,9 +186,8 @@ class AlembicMesh:
             before, share = after, 0.0
         if expected is not None and str(self.schema.getTopologyVariance()) == "kHeterogenousTopology":
             for index in {before, after}:
-                where = (
-                    f"{self.where}: sample {index} ({self._sampling.getSampleTime(index):.4f} s): the topology changes"
-                )
+                time = self._sampling.getSampleTime(index)
+                where = f"{self.where}: sample {index} ({time:.4f} s): the topology changes"
                 check_faces(where, *self.faces(index), *expected)
         first = self.sample(before)
         if share == 0:
@@ -224,6 +234,16 @@ class AlembicMesh:
         # Houdini has UVs of three numbers, the first two of which are u and v, among the parameters.
         sets = ((other, self.param(other, UV_KINDS + UV_TRIPLES)) for other in ([name] if name else ["uv", "st"]))
         return next(((*found, other) for other, found in sets if found), None)
+
+
+def _below(parent: Any, above: tuple[Any, ...] = (), hidden: bool = False, origin: str = "") -> Iterator[AlembicObject]:
+    for number in range(parent.getNumChildren()):
+        child = parent.getChild(number)
+        own = child.instanceSourcePath() if child.isInstanceRoot() else f"{origin}/{child.getName()}"
+        found = AlembicObject(child, parent, above, hidden or _hidden(child), own)
+        yield found
+        transforms = (*above, found.schema("Xform")) if found.matches("Xform") else above
+        yield from _below(child, transforms, found.hidden, own)
 
 
 def _at(seconds: float) -> Any:

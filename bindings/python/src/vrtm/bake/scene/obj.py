@@ -9,17 +9,16 @@ a white one.
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.poses import find_poses
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import bare_faces, check_faces, check_mesh, luminance, unique_names, without_uvs
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source, frame_number
 
 _LAST = np.iinfo(np.int32).max
 _DIGITS = 1000
@@ -28,12 +27,11 @@ _COMMENT = re.compile(r"(^|\s)#.*")
 CORNER = re.compile(r"([+-]?[0-9]+)(?:/([+-]?[0-9]+)?(?:/(?:[+-]?[0-9]+)?)?)?")
 
 
-class ObjSource:
+class ObjSource(Source):
     """One shape. See `vrtm.bake.scene.Scene`."""
 
     def __init__(self, path: str, options: SceneOptions) -> None:
-        self.warnings: list[str] = []
-        self.left_out: list[LeftOut] = []
+        super().__init__(path, options)
         self.has_subframes = False
         # Files with numbers have no times: 24 a second, as films.
         self.clock, self.codes, self.rate, self.axes = Clock(), 24.0, "", Axes()
@@ -60,7 +58,6 @@ class ObjSource:
         self._poses = find_poses(options.poses, self.warnings, self.left_out) if options.poses else {1: path}
         self.frames = tuple(sorted(self._poses))
         self.files = (path, *self._poses.values())
-        self._path = path
         name = unique_names([Path(path).stem])[0]
         rest, rest_from = self._mesh.positions, options.rest or path
         if options.rest == "first":
@@ -71,41 +68,23 @@ class ObjSource:
             raise SceneError(f"{path}: an OBJ file has no rest pose of the kind '{options.rest}'")
         elif options.rest is not None:
             rest, _ = rest_from_file(options.rest, path, self._mesh.counts, self._mesh.indices, len(rest))
-        self.shapes = (
-            Shape(
-                name=name,
-                path=path,
-                rest=rest,
-                face_counts=self._mesh.counts,
-                indices=self._mesh.indices,
-                uvs=self._mesh.uvs,
-                uv_indices=self._mesh.uv_indices,
-                uv_name="vt",
-                vertex_rigidity=self._colours(options.rigidity_primvar),
-                vertex_mask=self._colours(options.mask_primvar),
-                instances=(path,),
-                rest_from=rest_from,
-            ),
-        )
-
-    def places(self, _shape: Shape) -> list[np.ndarray]:
-        return [np.eye(4)]
-
-    def bystanders(self) -> tuple[()]:
-        return ()
+        arrays = (rest, self._mesh.counts, self._mesh.indices, self._mesh.uvs, self._mesh.uv_indices)
+        rigidity, mask = map(self._colours, (options.rigidity_primvar, options.mask_primvar))
+        made = Shape(name, path, *arrays, "vt", vertex_rigidity=rigidity, vertex_mask=mask, rest_from=rest_from)
+        self.shapes = (replace(made, instances=(path,)),)
 
     def _colours(self, name: str | None) -> np.ndarray | None:
         if name is None:
             return None
         if name != "colors":
-            raise SceneError(f"{self._path}: an OBJ file has no values per vertex but 'colors', not '{name}'")
+            raise SceneError(f"{self.path}: an OBJ file has no values per vertex but 'colors', not '{name}'")
         if self._mesh.colours is None:
-            raise SceneError(f"{self._path}: not all vertices have a colour (v x y z r g b)")
+            raise SceneError(f"{self.path}: not all vertices have a colour (v x y z r g b)")
         return luminance(self._mesh.colours).astype(np.float32)
 
     def _read(self, frame: float) -> np.ndarray:
         if frame not in self._poses:
-            raise SceneError(f"{self._path}: there is no pose {frame:g}, only {self.frames[0]} to {self.frames[-1]}")
+            raise SceneError(f"{self.path}: there is no pose {frame:g}, only {self.frames[0]} to {self.frames[-1]}")
         path = self._poses[int(frame)]
         if path not in self._last:
             # One of them, which is asked for several times before the next: text takes long to read.
@@ -113,7 +92,7 @@ class ObjSource:
         return self._last[path]
 
     def _read_file(self, path: str) -> np.ndarray:
-        pose = self._mesh if path == self._path else read_obj(path)
+        pose = self._mesh if path == self.path else read_obj(path)
         if len(pose.positions) != len(self._mesh.positions):
             raise SceneError(
                 f"{path}: {len(pose.positions)} vertices, but the rest mesh has {len(self._mesh.positions)}"
@@ -125,13 +104,6 @@ class ObjSource:
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) f64 of the pose's file; its faces, where it has some, must be those of the rest mesh."""
         return self._read(frame)
-
-    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
-        """(4, 4): nothing lies above the mesh."""
-        return np.eye(4)
-
-    def close(self) -> None:
-        """Nothing stays open."""
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,8 @@ import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
-from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import bare_faces, matches, unique_names, without_uvs
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source, frame_number
 from vrtm.bake.words import near
 
 _LOOKED_AT = 10_000
@@ -158,39 +157,21 @@ class PosedMesh:
             counts, indices, points, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
             corners, rest = refined.cage_corners, refined.points(rest)
             rigidity, mask = (None if of is None else refined.points(of) for of in (rigidity, mask))
-        return Shape(
-            name,
-            self.path,
-            rest,
-            counts,
-            indices,
-            points,
-            uv_indices,
-            vertex_rigidity=rigidity,
-            vertex_mask=mask,
-            instances=instances,
-            rest_from=rest_from,
-            still=not self.deforms,
-            cage_corners=corners,
-            scheme=scheme if scheme != "bilinear" else "",
-            **further,
-        )
+        further |= {"vertex_rigidity": rigidity, "vertex_mask": mask, "cage_corners": corners, "instances": instances}
+        further |= {"rest_from": rest_from, "still": not self.deforms, "scheme": scheme if scheme != "bilinear" else ""}
+        return Shape(name, self.path, rest, counts, indices, points, uv_indices, **further)
 
 
 Mesh = TypeVar("Mesh", bound=PosedMesh)
 
 
-class PosedSource(Generic[Mesh]):
+class PosedSource(Source, Generic[Mesh]):
     """The meshes of a scene of USD or Alembic. See `vrtm.bake.scene.Scene`."""
 
     has_subframes = True
-    frames: Sequence[int]
-    clock: Clock
 
     def __init__(self, path: str, options: SceneOptions) -> None:
-        self.warnings: list[str] = []
-        self.left_out: list[LeftOut] = []
-        self.path, self.options = path, options
+        super().__init__(path, options)
         self._paths: list[str] = []
         self._named: set[str] = set()
 
@@ -270,11 +251,9 @@ class PosedSource(Generic[Mesh]):
         return mesh.to_world(mesh.rest_frame if frame is None else frame)
 
     def places(self, shape: Shape) -> list[np.ndarray]:
-        """See `vrtm.bake.scene.Scene`."""
         return [mesh.to_place(self._meshes[shape.name]) for mesh in self._instances[shape.name]]
 
     def bystanders(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """See `vrtm.bake.scene.Scene`."""
         for mesh in self._unbaked():
             # One that cannot be read has no place.
             with suppress(SceneError):

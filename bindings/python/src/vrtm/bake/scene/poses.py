@@ -181,10 +181,8 @@ def _of_others(paths: list[str], odd: str, globs: list[str], warnings: list[str]
     if not any(ends):
         return dict(enumerate(paths, 1))
     if globs:
-        raise SceneError(
-            f"{globs[0]}: {paths[0]} and {odd} are not of one sequence: write a token in the place of the frame, "
-            "such as ####"
-        )
+        told = f"{globs[0]}: {paths[0]} and {odd} are not of one sequence"
+        raise SceneError(f"{told}: write a token in the place of the frame, such as ####")
     for path, end in zip(paths, ends):
         if end and _is_unclear(path, end.start()):
             raise _both_ways(path, end.start())

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -149,13 +148,11 @@ class Shape:
         )
 
 
-class Source(Protocol):
-    """A reader of one kind of file. `Scene` is built on it."""
+class Source:
+    """A reader of one kind of file, by default of files without transforms. `Scene` is built on it."""
 
     shapes: tuple[Shape, ...]
     frames: Sequence[int]
-    warnings: list[str]
-    left_out: list[LeftOut]
     files: tuple[str, ...]
     """The files that are read, and the textures that materials name."""
     has_subframes: bool
@@ -166,18 +163,25 @@ class Source(Protocol):
     rate: str
     """The rate of frames in words; empty if there is nothing to choose."""
     axes: Axes
+    positions: Callable[[Shape, float], np.ndarray]
+    """(vertices, 3) of a shape at a frame, in the shape's own topology."""
 
-    def positions(self, shape: Shape, frame: float) -> np.ndarray:
-        """(vertices, 3) of the shape at a frame, in the shape's own topology."""
-        ...
+    def __init__(self, path: str, options: SceneOptions) -> None:
+        self.path, self.options = path, options
+        self.warnings: list[str] = []
+        self.left_out: list[LeftOut] = []
 
     def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
         """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
         world."""
-        ...
+        return np.eye(4)
 
-    def places(self, shape: Shape) -> list[np.ndarray]: ...
+    def places(self, shape: Shape) -> list[np.ndarray]:
+        """See `Scene`, also for the next one."""
+        return [self.to_world(shape, None)]
 
-    def bystanders(self) -> Iterable[tuple[np.ndarray, np.ndarray]]: ...
+    def bystanders(self) -> Iterable[tuple[np.ndarray, np.ndarray]]:
+        return ()
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """By default nothing stays open."""

@@ -124,10 +124,9 @@ class UsdSource(PosedSource[UsdMesh]):
         if of and by_codes and fps and abs(codes / fps - 1) > 1e-3:
             odd = next(filter(None, between.values()), None)
             lost = f", and {len(odd)} samples between them, such as {odd[0]:.4g}, are not baked" if odd else ""
-            self.warnings.append(
-                f"{self.path}: a second has {codes:g} time codes and {fps:g} frames, but whole time codes are taken "
-                f"for frames{lost}: --fps file takes {codes / fps:.4g} time codes for each frame"
-            )
+            told = f"a second has {codes:g} time codes and {fps:g} frames, but whole time codes are taken for frames"
+            then = f"--fps file takes {codes / fps:.4g} time codes for each frame"
+            self.warnings.append(f"{self.path}: {told}{lost}: {then}")
             return
         for path, at in of.items():
             if (by_codes and codes < _FEW and between[path]) or is_between(at):

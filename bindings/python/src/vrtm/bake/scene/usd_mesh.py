@@ -131,18 +131,14 @@ class UsdMesh(PosedMesh):
             is_face = (faces >= 0) & (faces < len(taken))
             if not is_face.all():
                 entry = int(np.argmin(is_face))
-                self._warnings.append(
-                    f"{where}: indices[{entry}] is {faces[entry]}, but the mesh has {len(taken)} faces: "
-                    f"{_counted(np.count_nonzero(~is_face))} no face"
-                )
+                told = f"{where}: indices[{entry}] is {faces[entry]}, but the mesh has {len(taken)} faces: "
+                self._warnings.append(f"{told}{_counted(np.count_nonzero(~is_face))} no face")
             faces = np.unique(faces[is_face])
             twice = faces[taken[faces] > 0]
             if len(twice):
                 other = list(found)[taken[twice[0]] - 1]
-                self._warnings.append(
-                    f"{where}: face {twice[0]} is in the subset {other}, too ({_counted(len(twice))} in several): "
-                    "--subsets bakes it with the first"
-                )
+                told = f"{where}: face {twice[0]} is in the subset {other}, too ({_counted(len(twice))} in several): "
+                self._warnings.append(f"{told}--subsets bakes it with the first")
             taken[faces[taken[faces] == 0]] = len(found) + 1
             inside = np.zeros(len(taken), bool)
             inside[faces] = True
@@ -153,11 +149,8 @@ class UsdMesh(PosedMesh):
 
     @cached_property
     def deforms(self) -> bool:
-        return bool(
-            self._mesh.GetPointsAttr().ValueMightBeTimeVarying()
-            or (self._skin and self._skin.moves)
-            or (self._options.world and self.is_moved)
-        )
+        points = self._mesh.GetPointsAttr().ValueMightBeTimeVarying()
+        return bool(points or (self._skin and self._skin.moves) or (self._options.world and self.is_moved))
 
     def _code(self, frame: float) -> Usd.TimeCode:
         return Usd.TimeCode(self._clock.time(frame))
@@ -184,10 +177,8 @@ class UsdMesh(PosedMesh):
             check_faces(where, *self._faces(time), self._counts, self._indices)
         points = self._read(self._mesh.GetPointsAttr(), time, "points")
         if len(points) != self._points:
-            raise SceneError(
-                f"{self.where}: time code {time.GetValue():g} has {len(points)} points, "
-                f"but the first frame has {self._points}"
-            )
+            told = f"time code {time.GetValue():g} has {len(points)} points, but the first frame has {self._points}"
+            raise SceneError(f"{self.where}: {told}")
         return self._skin.posed(points, time) if self._skin else points
 
     @cached_property
@@ -215,11 +206,8 @@ class UsdMesh(PosedMesh):
         return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
 
     def _faces(self, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
-        counts, indices = self._topology()
-        return (
-            self._read(counts, time, "faceVertexCounts").astype(np.int32),
-            self._read(indices, time, "faceVertexIndices").astype(np.int32),
-        )
+        counts, indices = (self._read(of, time, of.GetName()).astype(np.int32) for of in self._topology())
+        return counts, indices
 
     def _read(self, attribute: Usd.Attribute, time: Usd.TimeCode, what: str) -> np.ndarray:
         value = attribute.Get(time) if attribute else None
