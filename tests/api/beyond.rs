@@ -180,8 +180,7 @@ fn beside_a_still_chart_both_sides_stay_together() {
     asset
         .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
         .unwrap();
-    let mut uvs = vec![[0.0; 2]; sheet.uvs.len()];
-    asset.corner_uvs(&mut uvs).unwrap();
+    let uvs = vrtm_testkit::corner_uvs(&asset);
     // In cells, of corners on a line u = constant.
     let most = |u: f32| {
         let at_line = sheet.uvs.iter().zip(&uvs).filter(|(own, _)| (own[0] - u).abs() < 1e-6);
@@ -282,8 +281,7 @@ fn beside_a_slit_both_sides_stay_together() {
     asset
         .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
         .unwrap();
-    let mut uvs = vec![[0.0; 2]; sheet.uvs.len()];
-    asset.corner_uvs(&mut uvs).unwrap();
+    let uvs = vrtm_testkit::corner_uvs(&asset);
     // By how many cells both sides move at a vertex of the seam.
     let moved = |chart: usize, row: usize| {
         let at = [ends[chart], 0.1 + quad * row as f32];

@@ -19,8 +19,7 @@ fn tile_bits(asset: &Asset, tile: usize) -> Vec<[u32; 2]> {
 
 /// The bits of both tiles for a frame, solved alone.
 fn frame(model: &Model, number: usize) -> [Vec<[u32; 2]>; 2] {
-    let mut asset = model.asset(2, 64);
-    asset.solve(model.frame(number), &SolveOptions::default()).unwrap();
+    let asset = model.solved(&vrtm_testkit::cpu(2), 64, number, &SolveOptions::default());
     [0, 1].map(|tile| tile_bits(&asset, tile))
 }
 
@@ -56,8 +55,7 @@ fn a_tile_that_was_never_solved_has_no_result() {
     assert_eq!(asset.tile_report(0).unwrap_err().kind, ErrorKind::NotSolved);
     assert!(tile_bits(&asset, 1) == frame(&model, 3)[1]);
     // Its corners have the mesh's own UVs, those of the other tile their redirected ones.
-    let mut uvs = vec![[f32::NAN; 2]; asset.info().corners as usize];
-    asset.corner_uvs(&mut uvs).unwrap();
+    let uvs = vrtm_testkit::corner_uvs(&asset);
     let own: Vec<[f32; 2]> = model.uv_indices.iter().map(|&k| model.uvs[k as usize]).collect();
     let moved = |tile: f32| {
         let of_tile = |(uv, _): &(&[f32; 2], &[f32; 2])| uv[0].floor() == tile;

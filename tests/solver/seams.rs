@@ -3,14 +3,16 @@
 use std::f64::consts::TAU;
 
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, OpenBorders, Origin, PixelFormat,
-    Quality, Seams, SolveOptions, Strided, TileSettings,
+    Asset, Device, DeviceSettings, FetchKind, ImageViewMut, OpenBorders, Origin, Quality, Seams,
+    SolveOptions, Strided, TileSettings,
 };
 use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{Kind, Summary, set_borders};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, long, on_all_cores, options};
+use vrtm_testkit::{
+    self, Maps, Model, Warp, bits, corner_uvs, cpu, dilation, long, on_all_cores, options, texels, view,
+};
 
 /// Place of a cut sheet's second half in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
 #[derive(Clone, Copy)]
@@ -267,11 +269,8 @@ fn all_bits(asset: &Asset) -> Vec<u32> {
     let mut all = Vec::new();
     for tile in 0..asset.tile_count() {
         all.extend(asset.displacements(tile).unwrap().as_flattened().iter().map(|x| x.to_bits()));
-        let mut bytes = vec![0; 8 * 100 * 100];
-        let layout = ImageLayout::packed(100, 100, PixelFormat::F32);
-        let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
-        asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
-        all.extend(bytes.chunks_exact(4).map(|b| u32::from_ne_bytes(b.try_into().unwrap())));
+        let map = texels(asset.results(), tile, FetchKind::Redirection, [100; 2], [0.0f32; 2]);
+        all.extend(map.as_flattened().iter().map(|x| x.to_bits()));
     }
     all
 }
@@ -304,8 +303,7 @@ fn a_tile_follows_the_maps_of_its_neighbour() {
     let before = solve(&mut asset);
     let saved = asset.save_tile(0).unwrap();
     let elastic = vec![0u8; 1024 * 1024];
-    let image =
-        |bytes| ImageView::new("map", bytes, ImageLayout::packed(1024, 1024, PixelFormat::U8)).unwrap();
+    let image = |bytes| view(bytes, 1024, 1024);
     asset.set_rigidity(1, Some(image(&elastic))).unwrap();
     let alone = solve(&mut asset);
     assert!(before != alone, "the first tile does not see the second one's map");
@@ -369,11 +367,7 @@ fn redirections_end_where_the_gutter_does() {
     let mut asset = with(&model, &cpu(2), 256, Seams::Continue);
     asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
     assert_eq!(asset.tile_report(0).unwrap().texels_limited, 0, "before the first image");
-    let mut bytes = vec![0; 8 << 20];
-    let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(1024, 1024, PixelFormat::F32) };
-    let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
-    asset.results().fetch_dilation(0, 0.03, &mut image).unwrap();
-    let shown = vrtm_testkit::floats(&bytes);
+    let shown = dilation(&asset, 0, 0.03, 1024, [0.0f32; 2]);
     for size in [256u32, 500, 1024] {
         let map = vrtm_testkit::fetch(&mut asset, 0, FetchKind::Redirection, [size, size]);
         let report = asset.tile_report(0).unwrap();
@@ -398,19 +392,17 @@ fn redirections_end_where_the_gutter_does() {
         assert!(over > 0.0015 && over < 0.5 * GUTTER - 1.0 / 1024.0, "{over}");
         assert!(report.texels_limited > 200 && report.max_limit / size as f32 > 0.01, "{report:?}");
         // A part of the image is the same.
-        let mut bytes = vec![0; 8 * 40 * 30];
-        let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(40, 30, PixelFormat::F32) };
-        let image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
+        let mut part = [[0.0f32; 2]; 40 * 30];
+        let image = ImageViewMut::from_texels("image", &mut part, [40, 30]).unwrap();
         let first = [size * 13 / 50 - 20, size / 4];
-        let mut image = image.part_of("image", [size; 2], first).unwrap();
-        asset.fetch(0, FetchKind::Redirection, &mut image).unwrap();
-        for (k, uv) in vrtm_testkit::floats(&bytes).iter().enumerate() {
+        let image = image.with_origin(Origin::Bottom).part_of("image", [size; 2], first);
+        asset.fetch(0, FetchKind::Redirection, &mut image.unwrap()).unwrap();
+        for (k, uv) in part.iter().enumerate() {
             let [x, y] = [first[0] as usize + k % 40, first[1] as usize + k / 40];
             assert_eq!(*uv, map[y * size as usize + x]);
         }
     }
-    let mut uvs = vec![[0.0; 2]; model.uv_indices.len()];
-    asset.corner_uvs(&mut uvs).unwrap();
+    let uvs = corner_uvs(&asset);
     let own = |k: usize| model.uvs[model.uv_indices[k] as usize][0];
     let of_right = || (0..uvs.len()).filter(|&k| f64::from(own(k)) >= right - 1e-6);
     let over = of_right().map(|k| right - f64::from(uvs[k][0])).fold(0.0, f64::max);

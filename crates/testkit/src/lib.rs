@@ -6,6 +6,8 @@
 
 // Ordered from the bottom up.
 pub mod long;
+pub mod log;
+pub mod random;
 pub mod scenes;
 pub mod save;
 pub mod reference;
@@ -25,11 +27,12 @@ pub mod cases;
 
 pub use asset::{CollarOfChart, CollarTriangleInSpace, Lab, ReferenceMinimum};
 pub use files::{assets, at_root, obj};
-pub use gpu::{backend, gpu, has_gpu};
+pub use gpu::{backend, devices, gpu, has_gpu};
 pub use model::{
-    Model, analytic, bits, cpu, dilation, doubles, fetch, floats, on_all_cores, options, set_grid, view,
+    Model, analytic, bits, corner_uvs, cpu, dilation, doubles, fetch, floats, on_all_cores, options, quads,
+    set_grid, texels, view,
 };
 #[cfg(feature = "gpu")]
 pub use parity::StageDifference;
 pub use scenes::TileMaps as Maps;
-pub use warp::Warp;
+pub use warp::{Warp, barycentric, cross};

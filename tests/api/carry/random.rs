@@ -2,20 +2,9 @@
 //! an image, looks triangles up one by one, and knows of features only that they are rigid.
 
 use super::sheet::{All, Layout, P2, P3, Sheet, by_uv, disc, distance, fetch, solve, turned, uv};
-use vrtm::{FetchKind, Fit, ImageViewMut, Seams, TileSettings};
-
-struct Draw(u64);
-
-impl Draw {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn of(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.next()
-    }
-}
+use vrtm::{FetchKind, Fit, Seams, TileSettings};
+use vrtm_testkit::random::Random;
+use vrtm_testkit::{barycentric, texels};
 
 /// Models drawn by a run of the suite; `VRTM_RANDOM_CASES` draws more.
 const CASES: u64 = 300;
@@ -36,12 +25,12 @@ fn random_models_agree_with_the_checker() {
 
 /// Draws a model and checks it; returns the largest errors.
 fn check(case: u64) -> [f64; 4] {
-    let mut draw = Draw(case.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678);
-    (0..4).for_each(|_| _ = draw.next());
-    let layout = if draw.next() < 0.3 { Layout::Cut } else { Layout::Whole };
-    let side = 2 * draw.of(1.0, 9.0) as usize;
-    let unit = [1.0, 1e-3, 100.0][draw.of(0.0, 3.0) as usize];
-    let waves: Vec<[f64; 6]> = (0..4).map(|_| std::array::from_fn(|_| draw.of(-1.0, 1.0))).collect();
+    let mut draw = Random(case.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678);
+    (0..4).for_each(|_| _ = draw.part());
+    let layout = if draw.part() < 0.3 { Layout::Cut } else { Layout::Whole };
+    let side = 2 * draw.between(1.0, 9.0) as usize;
+    let unit = [1.0, 1e-3, 100.0][draw.between(0.0, 3.0) as usize];
+    let waves: Vec<[f64; 6]> = (0..4).map(|_| std::array::from_fn(|_| draw.between(-1.0, 1.0))).collect();
     let wave = move |[x, y]: P2, k: usize, size: f64| {
         let [a, b, c, d, e, f] = waves[k];
         size * ((3.0 * a * x + 3.0 * b * y + c).sin() + d * x * y + e * x * x + f * y * y)
@@ -50,20 +39,20 @@ fn check(case: u64) -> [f64; 4] {
     let rest = |p: P2| -> P3 {
         [p[0] + wave(p, 0, 0.05), p[1] + wave(p, 1, 0.05), wave(p, 2, 0.2)].map(|x| unit * x)
     };
-    let strength = draw.of(0.0, 0.3);
+    let strength = draw.between(0.0, 0.3);
     let pose_of = |p: P2| -> P3 {
         let q = [p[0] + wave(p, 3, strength), p[1] + wave([p[1], p[0]], 1, strength), wave(p, 0, 0.3)];
         [q[2], q[0], q[1] + 1.0].map(|x| unit * x)
     };
     let sheet = Sheet::new(side, layout, rest);
-    let centre = [draw.of(0.2, 0.8), draw.of(0.2, 0.8)];
-    let radius = draw.of(0.05, 0.3);
+    let centre = [draw.between(0.2, 0.8), draw.between(0.2, 0.8)];
+    let radius = draw.between(0.05, 0.3);
     let rigid = disc(centre, radius);
-    let grid = 16 * draw.of(1.0, 5.0) as u32;
+    let grid = 16 * draw.between(1.0, 5.0) as u32;
     let mut asset = sheet.asset(1 + case as u32 % 2, grid, rigid, TileSettings::default());
-    let points: Vec<P2> = (0..60).map(|_| [draw.next(), draw.next()]).collect();
+    let points: Vec<P2> = (0..60).map(|_| [draw.part(), draw.part()]).collect();
     let uvs: Vec<P2> = points.iter().map(|p| uv(layout, *p, p[0] > 0.5)).collect();
-    let heights: Vec<f64> = points.iter().map(|_| unit * draw.of(-0.1, 0.1)).collect();
+    let heights: Vec<f64> = points.iter().map(|_| unit * draw.between(-0.1, 0.1)).collect();
     let surface = by_uv(&asset, &uvs, Some(&heights), Fit::Surface, 0);
     let on_surface = by_uv(&asset, &uvs, None, Fit::Surface, 0);
     let body = by_uv(&asset, &uvs, Some(&heights), Fit::Feature, 0);
@@ -141,14 +130,8 @@ struct Warp {
 
 impl Warp {
     fn of(asset: &vrtm::Asset, cells: usize) -> Warp {
-        let size = cells + 1;
-        let mut texels = vec![[0.0f32; 2]; size * size];
-        let mut image = ImageViewMut::from_texels("image", &mut texels, [size as u32; 2]).unwrap();
-        asset.fetch(0, FetchKind::Warp, &mut image).unwrap();
-        let to = (0..size * size)
-            .map(|k| texels[(size - 1 - k / size) * size + k % size].map(f64::from))
-            .collect();
-        Warp { cells, to }
+        let nodes = texels(asset.results(), 0, FetchKind::Warp, [cells as u32 + 1; 2], [0.0f32; 2]);
+        Warp { cells, to: nodes.into_iter().map(|uv| uv.map(f64::from)).collect() }
     }
 
     fn at(&self, uv: P2) -> P2 {
@@ -173,10 +156,7 @@ fn under(sheet: &Sheet, pose: &[P3], at: P2, right: bool) -> (P3, f64) {
         }
         for of in [[0, 1, 2], [0, 2, 3]] {
             let corners = of.map(|k| 4 * face + k);
-            let [a, b, c] = corners.map(|k| sheet.uvs[k].map(f64::from));
-            let cross = |p: P2, q: P2, r: P2| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
-            let whole = cross(a, b, c);
-            let l = [cross(at, b, c) / whole, cross(a, at, c) / whole, cross(a, b, at) / whole];
+            let l = barycentric(&corners.map(|k| sheet.uvs[k].map(f64::from)), at);
             let depth = l.iter().copied().fold(f64::INFINITY, f64::min);
             if depth > best.1 {
                 let p = corners.map(|k| pose[sheet.indices[k] as usize]);

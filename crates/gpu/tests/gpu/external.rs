@@ -41,9 +41,7 @@ fn host() -> Option<(Device, Host)> {
 
 /// A solved asset.
 fn solved(model: &Model, device: &Device, grid: u32) -> Asset {
-    let mut asset = model.asset_on(device, grid);
-    asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
-    asset
+    model.solved(device, grid, 1, &options(Quality::Draft))
 }
 
 /// An image in shared memory; the file descriptor is closed when the returned owner is dropped.

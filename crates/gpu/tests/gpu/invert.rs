@@ -25,8 +25,7 @@ fn device() -> Option<&'static Device> {
 }
 
 fn solved(model: &Model, device: &Device, grid: u32) -> Asset {
-    let mut asset = model.asset_on(device, grid);
-    asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+    let asset = model.solved(device, grid, 1, &options(Quality::Draft));
     assert!(asset.tile_report(0).unwrap().max_displacement > 0.5, "{}", model.name);
     asset
 }

@@ -19,11 +19,8 @@ fn webgpu_s_limits_give_the_same_result() {
     for scene in long::share(vec![vrtm_testkit::scenes::creature(), vrtm_testkit::scenes::arm()], 2, "scenes")
     {
         let model = Model::from(scene);
-        let [a, b] = [&device, &limited].map(|device| {
-            let mut asset = model.asset_on(device, 128);
-            asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
-            asset
-        });
+        let [a, b] =
+            [&device, &limited].map(|device| model.solved(device, 128, 1, &options(Quality::Normal)));
         for tile in 0..a.tile_count() {
             let [u, v] = [&a, &b].map(|asset| asset.displacements(tile).unwrap());
             let squares = u.iter().flatten().zip(v.iter().flatten()).map(|(u, v)| f64::from(u - v).powi(2));

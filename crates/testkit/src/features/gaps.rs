@@ -18,8 +18,7 @@ pub fn gaps(model: &Model, asset: &Asset) -> Vec<f64> {
     let collars: Vec<_> = tiles.iter().map(|&tile| asset.collars(tile).unwrap()).collect();
     let charts = Charts::new(model, &warps);
     let beyond = Beyond::new(&charts, &warps, &collars);
-    let mut corners = vec![[0.0; 2]; asset.info().corners as usize];
-    asset.corner_uvs(&mut corners).unwrap();
+    let corners = crate::model::corner_uvs(asset);
     // Per edge of the mesh, the triangles at it.
     let mut edges: HashMap<[usize; 2], Vec<usize>> = HashMap::new();
     for (t, triangle) in charts.triangles.iter().enumerate() {
