@@ -7,6 +7,7 @@
 // Ordered from the bottom up.
 pub mod long;
 pub mod log;
+pub mod bench;
 pub mod random;
 pub mod scenes;
 pub mod save;
@@ -26,7 +27,7 @@ pub mod table;
 pub mod cases;
 
 pub use asset::{CollarOfChart, CollarTriangleInSpace, Lab, ReferenceMinimum};
-pub use files::{assets, at_root, obj};
+pub use files::{assets, obj};
 pub use gpu::{backend, devices, gpu, has_gpu};
 pub use model::{
     Model, analytic, bits, corner_uvs, cpu, dilation, doubles, fetch, floats, on_all_cores, options, quads,
