@@ -30,8 +30,8 @@ struct Args {
     #[arg(long, default_value_t = 256)]
     grid: u32,
     /// draft, normal.
-    #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
-    qualities: Vec<String>,
+    #[arg(long, value_parser = bench::quality, value_delimiter = ',', default_values = ["normal"])]
+    qualities: Vec<Quality>,
     /// cpu or gpu.
     #[arg(long, default_value = "cpu")]
     backend: String,
@@ -98,12 +98,13 @@ fn run(args: &Args) -> Result<(), String> {
         scenes = vrtm_testkit::assets().into_iter().map(|model| model.name).collect();
     }
     for case in vrtm_testkit::cases::cases(&scenes, args.grid)? {
-        for quality in &args.qualities {
+        for &quality in &args.qualities {
             let options = SolveOptions {
                 warm: args.warm,
                 temporal_weight: args.temporal_weight,
-                ..vrtm_testkit::options(parsed(quality)?)
+                ..vrtm_testkit::options(quality)
             };
+            let quality = format!("{quality:?}").to_lowercase();
             let line = if let Some(frames) = args.shot {
                 let (line, of_frames) =
                     shot::play(&case, &format!("{} | {quality}", case.name), frames, &device, &options)?;
@@ -139,14 +140,6 @@ fn rough(name: &str, r: &Roughness) -> String {
         r.noise,
         r.ms
     )
-}
-
-fn parsed(quality: &str) -> Result<Quality, String> {
-    Ok(match quality {
-        "draft" => Quality::Draft,
-        "normal" => Quality::Normal,
-        other => return Err(format!("--qualities {other}: neither draft nor normal")),
-    })
 }
 
 fn followed(name: &str, f: &Followed) -> String {

@@ -14,7 +14,7 @@ use vrtm::{
 use vrtm_testkit::log::listened;
 use vrtm_testkit::random::Random;
 use vrtm_testkit::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use vrtm_testkit::{self, cpu, fetch, gpu, options, view};
+use vrtm_testkit::{self, change, cpu, fetch, gpu, options, view};
 
 static LIVE: AtomicU64 = AtomicU64::new(0);
 static PEAK: AtomicU64 = AtomicU64::new(0);
@@ -134,8 +134,7 @@ fn refining_takes_memory_for_what_moves() {
     let _alone = alone();
     for open_borders in [OpenBorders::Fixed, OpenBorders::Slide] {
         let mut asset = sixteen(&counting(None), 4096, 0.01);
-        let settings = TileSettings { open_borders, ..asset.settings(0).unwrap() };
-        asset.set_settings(0, &settings).unwrap();
+        change(&mut asset, 0, |settings| settings.open_borders = open_borders);
         let (positions, ..) = sixteen_charts(0.01);
         let pose = bulged(&positions, 0.3);
         asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();

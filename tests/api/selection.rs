@@ -3,7 +3,7 @@
 
 use vrtm::{Asset, ErrorKind, Quality, SolveOptions, SolveRequest};
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, bits, scenes};
+use vrtm_testkit::{self, Model, bits, change, scenes};
 
 /// The arm has two tiles.
 fn arm() -> (Model, Asset) {
@@ -94,8 +94,7 @@ fn only_the_tiles_that_dirty_vertices_touch() {
     let nothing = SolveRequest { dirty_vertices: Some(&[]), ..request.clone() };
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [true, true]);
-    let settings = vrtm::TileSettings { room: 0.2, ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    change(&mut asset, 0, |settings| settings.room = 0.2);
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [false, true]);
     asset.set_mask(1, Some(vrtm_testkit::view(&[255], 1, 1))).unwrap();

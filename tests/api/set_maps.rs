@@ -4,7 +4,7 @@
 use vrtm::{Asset, ImageLayout, ImageView, LogCode, LogLevel, PixelFormat, SolveOptions, Strided};
 use vrtm_testkit::log::{Line, listened};
 use vrtm_testkit::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use vrtm_testkit::{bits, cpu, view};
+use vrtm_testkit::{bits, change, cpu, view};
 
 const SIZE: u32 = 64;
 
@@ -19,8 +19,7 @@ enum Step {
 
 fn solved(steps: &[Step]) -> Vec<[u32; 2]> {
     let mut asset = sixteen_asset(&cpu(1), 0.9).unwrap();
-    let settings = vrtm::TileSettings { grid: [Some(SIZE), Some(SIZE)], ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    change(&mut asset, 0, |settings| settings.grid = [Some(SIZE), Some(SIZE)]);
     let (rest, ..) = sixteen_charts(0.9);
     let texels = discs(SIZE as usize, 8);
     let mask: Vec<u8> = (0..SIZE * SIZE).map(|k| if k % SIZE < SIZE / 2 { 255 } else { 0 }).collect();

@@ -273,9 +273,8 @@ fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mu
     let model = Model::from(scene);
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
     asset.set_rigidity(0, Some(vrtm_testkit::view(rigidity, 64, 64))).unwrap();
-    let mut tile_settings = TileSettings { grid: [Some(64); 2], ..asset.settings(0).unwrap() };
-    settings(&mut tile_settings);
-    asset.set_settings(0, &tile_settings).unwrap();
+    vrtm_testkit::set_grid(&mut asset, 64);
+    vrtm_testkit::change(&mut asset, 0, settings);
     asset.solve(model.frame(1), options).unwrap();
     Warp::of(&asset, 0)
 }

@@ -4,14 +4,15 @@ use std::f64::consts::TAU;
 
 use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageViewMut, OpenBorders, Origin, Quality, Seams,
-    SolveOptions, Strided, TileSettings,
+    SolveOptions, Strided,
 };
 use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{Kind, Summary, set_borders};
 use vrtm_testkit::table::{self, judge};
 use vrtm_testkit::{
-    self, Maps, Model, Warp, bits, corner_uvs, cpu, dilation, long, on_all_cores, options, texels, view,
+    self, Maps, Model, Warp, bits, change, corner_uvs, cpu, dilation, long, on_all_cores, options, texels,
+    view,
 };
 
 /// Place of a cut sheet's second half in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
@@ -235,8 +236,7 @@ fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
     let model = sheet(Some(places()[4].1));
     let assets = |seams: Seams| {
         let mut asset = with(&model, &cpu(2), 256, Seams::Continue);
-        let settings = TileSettings { seams, ..asset.settings(1).unwrap() };
-        asset.set_settings(1, &settings).unwrap();
+        change(&mut asset, 1, |settings| settings.seams = seams);
         asset
     };
     for seams in [Seams::Continue, Seams::Shut] {

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use vrtm::Quality;
+
 /// Runs a bench at the repository's root, and tells what has gone wrong.
 pub fn main(run: impl FnOnce() -> Result<(), String>) -> ExitCode {
     at_root();
@@ -38,6 +40,18 @@ pub fn write(path: &Path, text: &str) -> Result<(), String> {
 /// A file that cannot be written, by its name.
 pub fn write_out(out: &Option<PathBuf>, text: &str) -> Result<(), String> {
     out.as_ref().map_or(Ok(()), |path| write(path, text))
+}
+
+/// The quality of an option's word.
+///
+/// # Errors
+/// Another word.
+pub fn quality(word: &str) -> Result<Quality, String> {
+    match word {
+        "draft" => Ok(Quality::Draft),
+        "normal" => Ok(Quality::Normal),
+        _ => Err("neither draft nor normal".into()),
+    }
 }
 
 /// The name of a GPU as a part of a file's name, such as `nvidia-h200`.

@@ -13,10 +13,10 @@ use std::collections::HashMap;
 
 use crate::asset::CollarOfChart;
 use crate::asset::Lab as _;
-use vrtm::{Asset, OpenBorders, Seams, SolveOptions, Strided, TileSettings};
+use vrtm::{Asset, OpenBorders, Seams, SolveOptions, Strided};
 
 use crate::files::assets;
-use crate::model::Model;
+use crate::model::{Model, change_all};
 use crate::scenes::{self, TileMaps as Maps};
 use crate::warp::Warp;
 use beyond::Beyond;
@@ -86,10 +86,7 @@ pub type Borders = (Seams, OpenBorders);
 pub const STILL: Borders = (Seams::Shut, OpenBorders::Fixed);
 
 pub fn set_borders(asset: &mut Asset, (seams, open_borders): Borders) {
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    change_all(asset, |settings| (settings.seams, settings.open_borders) = (seams, open_borders));
 }
 
 /// An asset of a model, solved for a pose on a CPU.

@@ -20,6 +20,11 @@ pub fn has_gpu() -> bool {
     found
 }
 
+/// All adapters, if there is one: see `has_gpu`.
+pub fn gpus() -> Option<Vec<AdapterInfo>> {
+    has_gpu().then(adapters)
+}
+
 /// The first adapter with its driver, as `tests/bits.txt` names it.
 pub fn backend(adapter: &AdapterInfo) -> String {
     format!("{}, {}", adapter.name, adapter.driver)

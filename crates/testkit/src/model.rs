@@ -161,11 +161,19 @@ pub fn view(bytes: &[u8], width: u32, height: u32) -> ImageView<'_> {
 
 /// Gives every tile a grid of `grid` by `grid` cells, or with 0 one that resolves its features.
 pub fn set_grid(asset: &mut Asset, grid: u32) {
-    for tile in 0..asset.tile_count() {
-        let settings =
-            TileSettings { grid: [(grid > 0).then_some(grid); 2], ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    change_all(asset, |settings| settings.grid = [(grid > 0).then_some(grid); 2]);
+}
+
+/// Changes the settings of a tile.
+pub fn change(asset: &mut Asset, tile: usize, with: impl FnOnce(&mut TileSettings)) {
+    let mut settings = asset.settings(tile).unwrap();
+    with(&mut settings);
+    asset.set_settings(tile, &settings).unwrap();
+}
+
+/// Changes the settings of all tiles.
+pub fn change_all(asset: &mut Asset, with: impl Fn(&mut TileSettings)) {
+    (0..asset.tile_count()).for_each(|tile| change(asset, tile, &with));
 }
 
 /// Default options with another quality.

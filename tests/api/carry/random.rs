@@ -4,7 +4,7 @@
 use super::sheet::{All, Layout, P2, P3, Sheet, by_uv, disc, distance, fetch, solve, turned, uv};
 use vrtm::{FetchKind, Fit, Seams, TileSettings};
 use vrtm_testkit::random::Random;
-use vrtm_testkit::{barycentric, texels};
+use vrtm_testkit::{Warp, barycentric, texels};
 
 /// Models drawn by a run of the suite; `VRTM_RANDOM_CASES` draws more.
 const CASES: u64 = 300;
@@ -64,11 +64,14 @@ fn check(case: u64) -> [f64; 4] {
     let mut worst = [0.0f64; 4];
 
     // The base is f_pose(W(p)), looked up by hand; UVs are W(p).
-    let warp = Warp::of(&asset, grid as usize);
+    let warp = warp(&asset, grid as usize);
     for (k, at) in uvs.iter().enumerate() {
-        let to = warp.at(*at);
+        let to = warp.at(at.map(|x| x * f64::from(grid))).map(|x| x / f64::from(grid));
         let (base, depth) = under(&sheet, &pose, to, points[k][0] > 0.5);
-        let errors = [distance(on_surface.positions[k], base) / unit, distance3(on_surface.uvs[k], to)];
+        let errors = [
+            distance(on_surface.positions[k], base) / unit,
+            (on_surface.uvs[k][0] - to[0]).hypot(on_surface.uvs[k][1] - to[1]),
+        ];
         (worst[0], worst[1]) = (worst[0].max(errors[0]), worst[1].max(errors[1]));
         // Nodes and the warp's image are f32, and the mesh's UVs are too.
         assert!(depth > -1e-5, "case {case}, {k}: the warp leads out of the chart by {depth}");
@@ -100,10 +103,6 @@ fn check(case: u64) -> [f64; 4] {
     worst
 }
 
-fn distance3(a: P2, b: P2) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
-
 /// Largest distance of the matrices from rotations; never a reflection.
 fn rotations(all: &All, case: u64) -> f64 {
     let mut worst: f64 = 0.0;
@@ -122,28 +121,14 @@ fn rotations(all: &All, case: u64) -> f64 {
     worst
 }
 
-/// The warp as an image with a texel for each node.
-struct Warp {
-    cells: usize,
-    to: Vec<P2>,
-}
-
-impl Warp {
-    fn of(asset: &vrtm::Asset, cells: usize) -> Warp {
-        let nodes = texels(asset.results(), 0, FetchKind::Warp, [cells as u32 + 1; 2], [0.0f32; 2]);
-        Warp { cells, to: nodes.into_iter().map(|uv| uv.map(f64::from)).collect() }
-    }
-
-    fn at(&self, uv: P2) -> P2 {
-        let n = self.cells as f64;
-        let cell = uv.map(|x| (x * n).floor().clamp(0.0, n - 1.0));
-        let (s, t) = (uv[0] * n - cell[0], uv[1] * n - cell[1]);
-        let get =
-            |i: usize, j: usize| self.to[(cell[1] as usize + j) * (self.cells + 1) + cell[0] as usize + i];
-        let (near, far) = (get(0, 0), get(1, 1));
-        let (third, a, b) = if s >= t { (get(1, 0), s, t) } else { (get(0, 1), t, s) };
-        [0, 1].map(|k| near[k] + a * (third[k] - near[k]) + b * (far[k] - third[k]))
-    }
+/// The warp, from an image with a texel for each node.
+fn warp(asset: &vrtm::Asset, cells: usize) -> Warp {
+    let nodes = texels(asset.results(), 0, FetchKind::Warp, [cells as u32 + 1; 2], [0.0f32; 2]);
+    let displacement = |(k, uv): (usize, [f32; 2])| {
+        let at = [k % (cells + 1), k / (cells + 1)];
+        [0, 1].map(|c| (f64::from(uv[c]) * cells as f64 - at[c] as f64) as f32)
+    };
+    Warp { nx: cells, ny: cells, u: nodes.into_iter().enumerate().map(displacement).collect() }
 }
 
 /// The place of a UV of a chart in the pose, by the triangle of the sheet that contains it best, and how deep it lies

@@ -5,7 +5,9 @@ mod stacks;
 
 use stacks::{DEPTH, GRID, Island, Random, SIDE, Stack};
 use vrtm::{Asset, ErrorKind, FetchKind, Seams, SolveOptions, StrainReport, TileSettings};
-use vrtm_testkit::{self, Model, bits, corner_uvs, cpu, cross, fetch, long, on_all_cores, quads, scenes};
+use vrtm_testkit::{
+    self, Model, bits, change_all, corner_uvs, cpu, cross, fetch, long, on_all_cores, quads, scenes,
+};
 
 const MOST: u32 = 32;
 
@@ -308,10 +310,7 @@ fn a_layer_is_what_a_tile_of_its_own_would_be() {
         let [layered, apart] = [(&stack, MOST), (&apart, 0)].map(|(stack, most)| {
             let mut asset = stack.asset(&cpu(2), most, None);
             assert_eq!(asset.tile_count(), 2);
-            for tile in 0..2 {
-                let settings = TileSettings { seams, seam_reach: 0.1, ..asset.settings(tile).unwrap() };
-                asset.set_settings(tile, &settings).unwrap();
-            }
+            change_all(&mut asset, |settings| (settings.seams, settings.seam_reach) = (seams, 0.1));
             asset
                 .solve(stack.positions(), &SolveOptions { measure: true, ..SolveOptions::default() })
                 .unwrap();
@@ -341,11 +340,7 @@ fn nothing_leads_beyond_a_border_into_a_chart_of_another_layer() {
                 - 0.25 * (-9.0 * (rest[0] + 0.2).powi(2)).exp();
         }
         let mut asset = stack.asset(&cpu(2), MOST, None);
-        for tile in 0..2 {
-            let seams = Seams::Continue;
-            let settings = TileSettings { seams, seam_reach: 0.1, ..asset.settings(tile).unwrap() };
-            asset.set_settings(tile, &settings).unwrap();
-        }
+        change_all(&mut asset, |settings| (settings.seams, settings.seam_reach) = (Seams::Continue, 0.1));
         asset.solve(stack.positions(), &SolveOptions::default()).unwrap();
         let redirected = fetch(&mut asset, 0, FetchKind::Redirection, [256; 2]);
         let in_chart = |n: &usize| (65..217).contains(&(n % 256)) && (27..230).contains(&(n / 256));

@@ -1,10 +1,10 @@
 //! Cuts that are closed at rest, and welds that a pose tears.
 
-use vrtm::{Asset, Quality, SolveOptions, Strided, TileSettings, WeldBy};
+use vrtm::{Asset, Quality, SolveOptions, Strided, WeldBy};
 use vrtm_testkit::Lab as _;
 
 use super::{GRID, QUADS, by, sheet, slit, solved};
-use vrtm_testkit::{Model, bits, corner_uvs, devices, options, view};
+use vrtm_testkit::{Model, bits, change, corner_uvs, devices, options, view};
 
 /// The number of nodes that move; panics if one lies on the slit and moves, or crosses it.
 fn moving_beside_the_slit(asset: &Asset) -> usize {
@@ -101,8 +101,7 @@ fn maps_and_settings_may_change_while_a_weld_is_torn() {
         let size = GRID as u32;
         let change = |asset: &mut Asset| {
             asset.set_rigidity(0, Some(view(&grown, size, size))).unwrap();
-            let settings = TileSettings { room: 0.5, ..asset.settings(0).unwrap() };
-            asset.set_settings(0, &settings).unwrap();
+            change(asset, 0, |settings| settings.room = 0.5);
         };
         let mut fresh = model.asset_on(&device, size);
         change(&mut fresh);
