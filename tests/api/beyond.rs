@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use vrtm::{
-    Asset, Control, Device, ErrorKind, MeshSource, OpenBorders, Seams, SolveRequest, Strided, UvSource,
+    Asset, Control, Device, ErrorKind, MeshSource, OpenBorders, Seams, SolveOptions, SolveRequest, Strided,
+    UvSource,
 };
 use vrtm_testkit::features::set_borders;
 use vrtm_testkit::{bits, change, cpu, set_grid, view};
@@ -174,9 +175,7 @@ fn beside_a_still_chart_both_sides_stay_together() {
     asset.set_rigidity(0, Some(view(&disc, size as u32, size as u32))).unwrap();
     change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [2.0 * x, y, z]).collect();
-    asset
-        .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
-        .unwrap();
+    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
     let uvs = vrtm_testkit::corner_uvs(&asset);
     // In cells, of corners on a line u = constant.
     let most = |u: f32| {
@@ -273,9 +272,7 @@ fn beside_a_slit_both_sides_stay_together() {
     asset.set_rigidity(0, Some(view(&discs, SIZE as u32, SIZE as u32))).unwrap();
     change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [1.6 * x, y, 1.6 * z]).collect();
-    asset
-        .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
-        .unwrap();
+    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
     let uvs = vrtm_testkit::corner_uvs(&asset);
     // By how many cells both sides move at a vertex of the seam.
     let moved = |chart: usize, row: usize| {

@@ -30,8 +30,8 @@ pub use asset::{CollarOfChart, CollarTriangleInSpace, Lab, ReferenceMinimum};
 pub use files::{assets, obj};
 pub use gpu::{backend, devices, gpu, gpus, has_gpu};
 pub use model::{
-    Model, analytic, bits, change, change_all, corner_uvs, cpu, dilation, doubles, fetch, floats,
-    on_all_cores, options, quads, set_grid, texels, view,
+    Model, analytic, bits, change, change_all, corner_uvs, cpu, dilation, doubles, faces, fetch, floats,
+    on_all_cores, options, paint, quads, set_grid, texels, view,
 };
 #[cfg(feature = "gpu")]
 pub use parity::StageDifference;

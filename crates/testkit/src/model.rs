@@ -1,6 +1,7 @@
 //! Models from scenes and asset folders, solving them, and f64 views of the results that share no code with the
 //! library.
 
+use std::ops::Range;
 use std::panic::resume_unwind;
 
 use vrtm::{
@@ -52,12 +53,7 @@ impl Model {
     /// The asset on a given device; every tile has a grid of `grid` by `grid` cells.
     pub fn asset_on(&self, device: &Device, grid: u32) -> Asset {
         let mut asset = self.bare_on(device, Strided::from_f32x3(&self.rest));
-        for maps in &self.maps {
-            let tile = asset.find_tile(maps.udim).expect("a tile of each map");
-            let image = |bytes| view(bytes, maps.width, maps.height);
-            asset.set_rigidity(tile, Some(image(&maps.rigidity))).unwrap();
-            asset.set_mask(tile, maps.mask.as_ref().map(|mask| image(mask))).unwrap();
-        }
+        self.maps.iter().for_each(|maps| paint(&mut asset, maps));
         set_grid(&mut asset, grid);
         asset
     }
@@ -130,13 +126,26 @@ impl Model {
     }
 
     /// The range of corners of each face.
-    pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        let mut end = 0;
-        self.face_counts.iter().map(move |&count| {
-            end += count as usize;
-            end - count as usize..end
-        })
+    pub fn faces(&self) -> impl Iterator<Item = Range<usize>> {
+        faces(&self.face_counts)
     }
+}
+
+/// The range of corners of each face, from the numbers of corners.
+pub fn faces(counts: &[u32]) -> impl Iterator<Item = Range<usize>> {
+    let mut end = 0;
+    counts.iter().map(move |&count| {
+        end += count as usize;
+        end - count as usize..end
+    })
+}
+
+/// Sets the maps of their tile.
+pub fn paint(asset: &mut Asset, maps: &Maps) {
+    let tile = asset.find_tile(maps.udim).expect("a tile of the maps");
+    let image = |bytes| view(bytes, maps.width, maps.height);
+    asset.set_rigidity(tile, Some(image(&maps.rigidity))).unwrap();
+    asset.set_mask(tile, maps.mask.as_ref().map(|mask| image(mask))).unwrap();
 }
 
 /// A CPU device with `threads` threads (0 = one per core).

@@ -52,11 +52,7 @@ impl Refined {
 
     /// The corners of each face.
     pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        let mut end = 0;
-        self.face_counts.iter().map(move |&count| {
-            end += count as usize;
-            end - count as usize..end
-        })
+        vrtm_testkit::faces(&self.face_counts)
     }
 
     /// Positions of all vertices, from those of the mesh.

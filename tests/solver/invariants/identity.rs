@@ -71,11 +71,7 @@ fn far_is_as_good_as_near(device: &Device, models: &[Model], grid: u32) {
         };
         let (rest, pose) = (far(&model.rest), far(&model.frames[0]));
         let mut asset = model.bare_on(device, Strided::from_f64x3(&rest));
-        for maps in &model.maps {
-            let tile = asset.find_tile(maps.udim).unwrap();
-            let view = vrtm_testkit::view(&maps.rigidity, maps.width, maps.height);
-            asset.set_rigidity(tile, Some(view)).unwrap();
-        }
+        model.maps.iter().for_each(|maps| vrtm_testkit::paint(&mut asset, maps));
         vrtm_testkit::set_grid(&mut asset, grid);
         asset.solve(Strided::from_f64x3(&rest), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
