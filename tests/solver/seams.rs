@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageViewMut, OpenBorders, Origin, Quality, Seams,
-    SolveOptions, Strided,
+    SolveOptions, SolveRequest, Strided,
 };
 use vrtm_testkit::Lab as _;
 
@@ -193,12 +193,8 @@ fn rest_and_rigid_motions_are_the_identity() {
 fn bits_depend_neither_on_threads_nor_on_frames_before() {
     for second in [places()[2].1, places()[4].1] {
         let mut model = sheet(Some(second));
-        let half: Vec<[f32; 3]> = model
-            .rest
-            .iter()
-            .zip(&model.frames[0])
-            .map(|(a, b)| [0, 1, 2].map(|k| 0.5 * (a[k] + b[k])))
-            .collect();
+        let ends = model.rest.iter().zip(&model.frames[0]);
+        let half = ends.map(|(a, b)| [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))).collect();
         model.frames.push(half);
         let solved = |threads: u32| {
             let mut asset = with(&model, &cpu(threads), 256, Seams::Continue);
@@ -217,12 +213,7 @@ fn bits_depend_neither_on_threads_nor_on_frames_before() {
         let mut pose = model.frames[0].clone();
         let moved: Vec<u32> = (0..pose.len() as u32).filter(|&v| model.rest[v as usize][0] > 0.65).collect();
         moved.iter().for_each(|&v| pose[v as usize][1] *= 1.1);
-        let request = vrtm::SolveRequest {
-            positions: Strided::from_f32x3(&pose),
-            dirty_vertices: Some(&moved),
-            ..vrtm::SolveRequest::default()
-        };
-        asset.run(&request, &mut []).unwrap();
+        solve_moved(&mut asset, &pose, &moved);
         let mut fresh = with(&model, &cpu(2), 256, Seams::Continue);
         fresh.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
         assert!(all_bits(&fresh) == all_bits(&asset), "a tile was kept whose neighbour has moved");
@@ -251,17 +242,19 @@ fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
             let moved: Vec<u32> = (0..pose.len() as u32).filter(near).collect();
             assert_eq!(moved.len(), 1);
             pose[moved[0] as usize][2] += 0.03;
-            let request = vrtm::SolveRequest {
-                positions: Strided::from_f32x3(&pose),
-                dirty_vertices: Some(&moved),
-                ..vrtm::SolveRequest::default()
-            };
-            asset.run(&request, &mut []).unwrap();
+            solve_moved(&mut asset, &pose, &moved);
             let mut fresh = assets(seams);
             fresh.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
             assert!(all_bits(&fresh) == all_bits(&asset), "{seams:?}, a vertex at {column}");
         }
     }
+}
+
+/// Solves a pose in which no more than some vertices have moved.
+fn solve_moved(asset: &mut Asset, pose: &[[f32; 3]], moved: &[u32]) {
+    let positions = Strided::from_f32x3(pose);
+    let request = SolveRequest { positions, dirty_vertices: Some(moved), ..SolveRequest::default() };
+    asset.run(&request, &mut []).unwrap();
 }
 
 /// The bits of all tiles' displacements and of a redirection of each.

@@ -106,10 +106,14 @@ pub fn solve(
 
 /// The features of a model in a pose, with the last result of an asset of it.
 pub fn of_asset(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> Vec<Feature> {
-    let tiles: Vec<usize> = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap()).collect();
-    let warps: Vec<Warp> = tiles.iter().map(|&tile| Warp::of(asset, tile)).collect();
-    let collars: Vec<_> = tiles.iter().map(|&tile| asset.collars(tile).unwrap()).collect();
+    let (warps, collars) = warps(model, asset);
     features(model, pose, &warps, &collars)
+}
+
+/// The warps of a model's maps, in their order, and what lies beyond the seams of their charts.
+fn warps(model: &Model, asset: &Asset) -> (Vec<Warp>, Vec<Vec<CollarOfChart>>) {
+    let tiles = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap());
+    tiles.map(|tile| (Warp::of(asset, tile), asset.collars(tile).unwrap())).unzip()
 }
 
 /// As `of_asset`, but at the texels of the maps in place of the nodes of the grids, which may be much coarser. Charts

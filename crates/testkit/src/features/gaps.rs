@@ -2,20 +2,16 @@
 
 use std::collections::HashMap;
 
-use crate::asset::Lab as _;
 use vrtm::Asset;
 
 use super::beyond::Beyond;
 use super::charts::{Charts, distance};
 use crate::model::Model;
-use crate::warp::Warp;
 
 /// The distances on the surface at rest between what both charts show at the vertices on seams, in texels of a texture
 /// of 4096 by 4096, ascending.
 pub fn gaps(model: &Model, asset: &Asset) -> Vec<f64> {
-    let tiles: Vec<usize> = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap()).collect();
-    let warps: Vec<Warp> = tiles.iter().map(|&tile| Warp::of(asset, tile)).collect();
-    let collars: Vec<_> = tiles.iter().map(|&tile| asset.collars(tile).unwrap()).collect();
+    let (warps, collars) = super::warps(model, asset);
     let charts = Charts::new(model, &warps);
     let beyond = Beyond::new(&charts, &warps, &collars);
     let corners = crate::model::corner_uvs(asset);
