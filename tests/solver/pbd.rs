@@ -3,8 +3,8 @@
 //! figures.
 
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, Strided,
-    TileReport, TileSettings,
+    Asset, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, Strided, TileReport,
+    TileSettings,
 };
 use vrtm_testkit::Lab as _;
 use vrtm_testkit::{self, Model, Warp, bits, cpu, devices, fetch, gpu, scenes};
@@ -163,7 +163,7 @@ fn backends_can_be_compared() {
     }
     let model = Model::from(scenes::analytic::torus());
     let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
-    let asset = model.asset_on(&Device::new(&settings).unwrap(), 64);
+    let asset = model.asset_on(&vrtm::Device::new(&settings).unwrap(), 64);
     let differences = compare_backends(&asset, 0, model.frame(1), &pbd(5), true).unwrap();
     assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
     for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {
