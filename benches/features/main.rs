@@ -17,8 +17,8 @@ use vrtm::{Asset, OpenBorders, Quality, Seams, SolveOptions, Strided, TileSettin
 use vrtm_testkit::Lab as _;
 use vrtm_testkit::features::dense::dense;
 use vrtm_testkit::features::{CASES, Feature, Kind, at_texels, gaps, models, of_asset, rms};
-use vrtm_testkit::roughness::{moving, second_difference};
-use vrtm_testkit::{Model, options};
+use vrtm_testkit::roughness::{moving, second_difference, way};
+use vrtm_testkit::{Model, bench, options};
 
 /// Measures the error of each painted feature.
 #[derive(Parser)]
@@ -49,19 +49,12 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench {
         args.grid = args.grid.min(64);
         args.scenes = vec!["arm".into()];
     }
-    match run(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    bench::main(|| run(&args))
 }
 
 const HEAD: &str = "\
@@ -87,10 +80,7 @@ fn run(args: &Args) -> Result<(), String> {
             text += &rows;
         }
     }
-    match &args.out {
-        Some(path) => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display())),
-        None => Ok(()),
-    }
+    bench::write_out(&args.out, &text)
 }
 
 /// Changes the settings by a word such as `room=0`; `default` and qualities change nothing.
@@ -124,7 +114,7 @@ fn rows(args: &Args, model: &Model, frame: usize, setting: &str) -> Result<Strin
         setting.split('+').try_for_each(|word| change(&mut settings, word))?;
         asset.set_settings(tile, &settings).map_err(fail)?;
     }
-    let second = steps(&mut asset, model, pose, &options).map_err(fail)?;
+    let second = steps(&mut asset, model, frame, &options).map_err(fail)?;
     // With everything prepared; the least of three.
     let mut ms = f64::INFINITY;
     for _ in 0..3 {
@@ -154,14 +144,10 @@ fn apart(gaps: &[f64]) -> String {
 }
 
 /// Root mean square of the second differences of the warp on the way to a pose, over the nodes that move.
-fn steps(asset: &mut Asset, model: &Model, pose: &[[f32; 3]], options: &SolveOptions) -> vrtm::Result<f64> {
+fn steps(asset: &mut Asset, model: &Model, frame: usize, options: &SolveOptions) -> vrtm::Result<f64> {
     let mut warps = Vec::new();
     for t in WAY {
-        let point = |(r, p): (&[f32; 3], &[f32; 3])| {
-            [0, 1, 2].map(|k| f64::from(r[k]) + t * (f64::from(p[k]) - f64::from(r[k])))
-        };
-        let between: Vec<[f64; 3]> = model.rest.iter().zip(pose).map(point).collect();
-        asset.solve(Strided::from_f64x3(&between), options)?;
+        asset.solve(Strided::from_f64x3(&way(model, frame, t)), options)?;
         let mut warp = Vec::new();
         for tile in 0..asset.tile_count() {
             warp.extend(asset.displacements(tile)?.iter().map(|u| u.map(f64::from)));

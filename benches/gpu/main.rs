@@ -8,12 +8,12 @@ mod parity;
 mod table;
 mod warm;
 
-use std::fmt::Write as _;
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
 use vrtm::{Backend, Device, DeviceSettings};
+use vrtm_testkit::{Model, assets, bench, scenes};
 
 /// Measures the GPU backend: time and error, and each stage compared with its lower bound.
 #[derive(Parser)]
@@ -40,21 +40,14 @@ struct Args {
     counts: bool,
     /// Folder for the tables.
     #[arg(long, default_value = "benches/results")]
-    out: String,
+    out: PathBuf,
     /// Passed by `cargo bench`; ignored.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
 fn main() -> ExitCode {
-    vrtm_testkit::at_root();
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    bench::main(|| run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), String> {
@@ -67,9 +60,7 @@ fn run(args: &Args) -> Result<(), String> {
         DeviceSettings { backend: Backend::Gpu, adapter: args.adapter, ..DeviceSettings::default() };
     let device = Device::new(&settings).map_err(|error| error.to_string())?;
     if args.counts {
-        let path = format!("{}/gpu-counts.md", args.out);
-        let text = counts::table(&device, &args.sizes)?;
-        return std::fs::write(&path, text).map_err(|error| format!("{path}: {error}"));
+        return bench::write(&args.out.join("gpu-counts.md"), &counts::table(&device, &args.sizes)?);
     }
     let mut text = String::new();
     let mut say = |part: String| {
@@ -89,12 +80,11 @@ fn run(args: &Args) -> Result<(), String> {
     say(parity::table(&device)?);
     say(table::head());
     for &size in &args.sizes {
-        let bulge =
-            vrtm_testkit::Model::from(vrtm_testkit::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
+        let bulge = Model::from(scenes::analytic::bulge());
         table::rows(&device, &bulge, 1, size, args.solves, &mut say)?;
     }
     for (name, frame) in [("mh_face", 1), ("ict_inner", 2)] {
-        match vrtm_testkit::assets().into_iter().find(|model| model.name == name) {
+        match assets().into_iter().find(|model| model.name == name) {
             Some(model) => table::rows(&device, &model, frame, args.asset_size, args.solves, &mut say)?,
             None => say(format!("| {name} | not there | | | | | | | | | | | | |\n")),
         }
@@ -102,14 +92,8 @@ fn run(args: &Args) -> Result<(), String> {
     for &size in args.sizes.iter().filter(|&&size| size <= 2048) {
         say(table::kernels(&device, size, args.solves, ceiling)?);
     }
-    let mut path = String::new();
-    let name = device.info().name;
-    let plain = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' });
-    let plain: String = plain.collect();
-    let plain: Vec<&str> = plain.split('-').filter(|part| !part.is_empty()).collect();
-    write!(path, "{}/gpu-{}.md", args.out, plain.join("-")).map_err(|error| error.to_string())?;
-    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out))?;
-    std::fs::write(Path::new(&path), &text).map_err(|error| format!("{path}: {error}"))?;
-    println!("\nwritten to {path}");
+    let path = args.out.join(format!("gpu-{}.md", bench::in_file_name(&device.info().name)));
+    bench::write(&path, &text)?;
+    println!("\nwritten to {}", path.display());
     Ok(())
 }

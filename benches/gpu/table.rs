@@ -9,7 +9,7 @@ use vrtm::{
 };
 
 use crate::warm;
-use vrtm_testkit::Model;
+use vrtm_testkit::{Model, scenes};
 
 pub fn head() -> String {
     "Milliseconds, medians with a warm GPU: after two seconds of solves; \"first\" is the first of these on the GPU, \"clock\" that of\n\
@@ -147,7 +147,7 @@ pub fn rows(
 
 /// Bytes of each kernel in one `normal` solve, and the time that they would take at the ceiling's bandwidth.
 pub fn kernels(device: &Device, size: u32, solves: usize, ceiling: f64) -> Result<String, String> {
-    let model = Model::from(vrtm_testkit::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
+    let model = Model::from(scenes::analytic::bulge());
     let fail = |error: vrtm::Error| error.to_string();
     let mut asset = model.asset_on(device, size);
     let poses = poses(&model, 1);

@@ -14,6 +14,7 @@ use std::process::{Command, ExitCode};
 
 use case::{Case, HEAD};
 use clap::Parser;
+use vrtm_testkit::bench;
 
 /// Measures the cost of preparing a tile.
 #[derive(Parser)]
@@ -43,18 +44,11 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench && args.one.is_none() {
         (args.grids, args.shares, args.out) = (vec![256], vec![0.25], None);
     }
-    match run(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    bench::main(|| run(&args))
 }
 
 fn run(args: &Args) -> Result<(), String> {
@@ -90,10 +84,7 @@ fn run(args: &Args) -> Result<(), String> {
             table += &row;
         }
     }
-    match &args.out {
-        Some(out) => std::fs::write(out, format!("{ABOUT}\n{table}")).map_err(|e| e.to_string()),
-        None => Ok(()),
-    }
+    bench::write_out(&args.out, &format!("{ABOUT}\n{table}"))
 }
 
 const ABOUT: &str = "\

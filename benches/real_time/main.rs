@@ -8,11 +8,9 @@
 
 use std::time::{Duration, Instant};
 
-use clap::{Parser, ValueEnum};
-use vrtm::{
-    Asset, Device, FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions, StageTimes,
-};
-use vrtm_testkit::{Model, scenes};
+use clap::Parser;
+use vrtm::{Asset, Device, FetchKind, ImageViewMut, OutputTexel, Quality, SolveOptions, StageTimes, f16};
+use vrtm_testkit::{Model, bench, scenes};
 
 /// Measures solves, their stages, and outputs.
 #[derive(Parser)]
@@ -37,30 +35,14 @@ struct Args {
     #[arg(long, conflicts_with = "outputs")]
     solves: bool,
     /// Qualities of the solves.
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["draft", "normal"])]
-    qualities: Vec<Effort>,
+    #[arg(long, value_parser = bench::quality, value_delimiter = ',', default_values = ["draft", "normal"])]
+    qualities: Vec<Quality>,
     /// CPU threads; 0 for one per core.
     #[arg(long, default_value_t = 0)]
     threads: u32,
     /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
     #[arg(long, hide = true)]
     bench: bool,
-}
-
-/// The qualities of solves.
-#[derive(Clone, Copy, ValueEnum)]
-enum Effort {
-    Draft,
-    Normal,
-}
-
-impl Effort {
-    fn quality(self) -> Quality {
-        match self {
-            Effort::Draft => Quality::Draft,
-            Effort::Normal => Quality::Normal,
-        }
-    }
 }
 
 fn main() {
@@ -119,8 +101,8 @@ fn all_solves(args: &Args, device: &Device, models: &[Model]) {
     );
     for model in models {
         for &grid in &args.grids {
-            for effort in &args.qualities {
-                solves(args, device, model, grid, effort.quality());
+            for &quality in &args.qualities {
+                solves(args, device, model, grid, quality);
             }
         }
     }
@@ -141,8 +123,8 @@ fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quali
             (next, stages) = (ms, asset.tile_report(0).expect("a report").times);
         }
     }
-    let mut image = Image::new(grid, 2, PixelFormat::F32);
-    let map = shortest(args.repeats, || image.fetch(&asset, FetchKind::Redirection));
+    let mut texels = vec![[0.0f32; 2]; (grid * grid) as usize];
+    let map = shortest(args.repeats, || image(&asset, FetchKind::Redirection, &mut texels, grid));
     asset.solve(model.frame(1), &SolveOptions { measure: true, ..options }).expect("a solve");
     let report = asset.tile_report(0).expect("a report");
     println!(
@@ -161,23 +143,10 @@ fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quali
     );
 }
 
-/// A packed image.
-struct Image {
-    bytes: Vec<u8>,
-    layout: ImageLayout,
-}
-
-impl Image {
-    fn new(size: u32, channels: u32, format: PixelFormat) -> Image {
-        let layout = ImageLayout { channels: Some(channels), ..ImageLayout::packed(size, size, format) };
-        let texel = if format == PixelFormat::F16 { 2 } else { 4 } * channels;
-        Image { bytes: vec![0; (size * size * texel) as usize], layout }
-    }
-
-    fn fetch(&mut self, asset: &Asset, kind: FetchKind) {
-        let mut image = ImageViewMut::new("image", &mut self.bytes, self.layout).expect("an image");
-        asset.fetch(0, kind, &mut image).expect("an output");
-    }
+/// Fetches a packed image of a size on a side.
+fn image<T: OutputTexel>(asset: &Asset, kind: FetchKind, texels: &mut [T], size: u32) {
+    let mut image = ImageViewMut::from_texels("image", texels, [size; 2]).expect("an image");
+    asset.fetch(0, kind, &mut image).expect("an output");
 }
 
 fn outputs(args: &Args, device: &Device, model: &Model, grid: u32) {
@@ -187,12 +156,13 @@ fn outputs(args: &Args, device: &Device, model: &Model, grid: u32) {
     let mut uvs = vec![[0.0f32; 2]; corners];
     let sizes = if args.texels.is_empty() { vec![grid, grid / 8] } else { args.texels.clone() };
     for texels in sizes {
-        let mut floats = Image::new(texels, 2, PixelFormat::F32);
-        let mut halves = Image::new(texels, 4, PixelFormat::F16);
-        let mut matrices = Image::new(texels, 4, PixelFormat::F32);
-        let map = shortest(args.repeats, || floats.fetch(&asset, FetchKind::Redirection));
-        let jacobian = shortest(args.repeats, || matrices.fetch(&asset, FetchKind::Jacobian));
-        let half = shortest(args.repeats, || halves.fetch(&asset, FetchKind::RedirectionDelta));
+        let count = (texels * texels) as usize;
+        let mut floats = vec![[0.0f32; 2]; count];
+        let mut halves = vec![[f16::ZERO; 4]; count];
+        let mut matrices = vec![[0.0f32; 4]; count];
+        let map = shortest(args.repeats, || image(&asset, FetchKind::Redirection, &mut floats, texels));
+        let jacobian = shortest(args.repeats, || image(&asset, FetchKind::Jacobian, &mut matrices, texels));
+        let half = shortest(args.repeats, || image(&asset, FetchKind::RedirectionDelta, &mut halves, texels));
         let corner = shortest(args.repeats, || {
             asset.corner_uvs(&mut uvs).expect("corner UVs");
         });

@@ -25,6 +25,7 @@ use vrtm_render::maps::Solved;
 use vrtm_render::model::Model;
 use vrtm_render::stage::{Stage, medians, shot};
 use vrtm_render::ways::{ALL, Map, ORIGINAL};
+use vrtm_testkit::bench;
 
 /// Measures drawing through a redirection map.
 #[derive(Parser)]
@@ -69,7 +70,6 @@ fn size(text: &str) -> std::result::Result<[u32; 2], String> {
 }
 
 fn main() -> ExitCode {
-    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench {
         if vrtm::adapters().is_empty() {
@@ -78,13 +78,7 @@ fn main() -> ExitCode {
         }
         args = Args { texture: 512, maps: vec![128], rounds: 1, size: Some([160, 90]), ..args };
     }
-    match run(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    bench::main(|| run(&args))
 }
 
 fn run(args: &Args) -> Result<()> {
@@ -135,8 +129,10 @@ fn run(args: &Args) -> Result<()> {
     }
     print!("{text}");
     if args.bench {
-        let path = args.out.clone().unwrap_or_else(|| format!("benches/results/render{}.md", suffix(&gpu)));
-        std::fs::write(&path, &text).map_err(|error| format!("--out {path}: {error}"))?;
+        let name =
+            if gpu.software { String::new() } else { format!("-{}", bench::in_file_name(&gpu.adapter)) };
+        let path = args.out.clone().unwrap_or_else(|| format!("benches/results/render{name}.md"));
+        bench::write(path.as_ref(), &text)?;
         println!("written to {path}");
     }
     Ok(())
@@ -165,15 +161,6 @@ fn live_frames(
         text += &table::frame(name, side, &live::medians(&frames[count..]));
     }
     Ok(text)
-}
-
-/// The suffix of the file's name for a GPU.
-fn suffix(gpu: &Gpu) -> String {
-    if gpu.software {
-        return String::new();
-    }
-    let words = gpu.adapter.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
-    words.map(|word| format!("-{}", word.to_ascii_lowercase())).collect()
 }
 
 /// Measures all ways with all maps in turn.

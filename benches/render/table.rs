@@ -6,6 +6,7 @@ use vrtm::MapReport;
 
 use vrtm_render::difference::Difference;
 use vrtm_render::gpu::Gpu;
+use vrtm_testkit::bench;
 
 pub struct Row {
     pub way: &'static str,
@@ -28,7 +29,7 @@ pub fn head(
     count: usize,
 ) -> String {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let machine = processor().unwrap_or_else(|| std::env::consts::ARCH.to_owned());
+    let machine = bench::processor().unwrap_or_else(|| std::env::consts::ARCH.to_owned());
     let filter = match gpu.anisotropy() {
         1 => "trilinear".to_owned(),
         n => format!("anisotropic, {n} samples"),
@@ -117,11 +118,4 @@ pub const FRAMES: &str = "\n## Frames\n\n\
 #[cfg(target_os = "linux")]
 pub fn frame(name: &str, side: u32, t: &vrtm_render::live::Times) -> String {
     format!("| {name} | {side} | {:.2} | {:.2} | {:.2} | {:.2} |\n", t.frame(), t.solve, t.map, t.draw)
-}
-
-/// The processor's name, if the system provides it.
-fn processor() -> Option<String> {
-    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
-    let line = text.lines().find(|line| line.starts_with("model name"))?;
-    Some(line.split_once(": ")?.1.to_owned())
 }

@@ -10,12 +10,13 @@
 mod follow;
 mod shot;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
 use follow::Followed;
 use vrtm::{Backend, Device, DeviceSettings, Quality, SolveOptions};
+use vrtm_testkit::bench;
 use vrtm_testkit::roughness::Roughness;
 
 /// Measures how smooth the warp is as a function of the pose.
@@ -29,8 +30,8 @@ struct Args {
     #[arg(long, default_value_t = 256)]
     grid: u32,
     /// draft, normal.
-    #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
-    qualities: Vec<String>,
+    #[arg(long, value_parser = bench::quality, value_delimiter = ',', default_values = ["normal"])]
+    qualities: Vec<Quality>,
     /// cpu or gpu.
     #[arg(long, default_value = "cpu")]
     backend: String,
@@ -55,24 +56,15 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if !args.bench {
         args.grid = args.grid.min(64);
         args.scenes = vec!["bulge".into()];
     }
-    let mut done = run(&args);
-    if !args.bench {
-        args.shot = Some(8);
-        done = done.and_then(|()| run(&args));
-    }
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    bench::main(|| {
+        run(&args)?;
+        if args.bench { Ok(()) } else { run(&Args { shot: Some(8), ..args }) }
+    })
 }
 
 const HEAD: &str =
@@ -106,17 +98,18 @@ fn run(args: &Args) -> Result<(), String> {
         scenes = vrtm_testkit::assets().into_iter().map(|model| model.name).collect();
     }
     for case in vrtm_testkit::cases::cases(&scenes, args.grid)? {
-        for quality in &args.qualities {
+        for &quality in &args.qualities {
             let options = SolveOptions {
                 warm: args.warm,
                 temporal_weight: args.temporal_weight,
-                ..vrtm_testkit::options(parsed(quality)?)
+                ..vrtm_testkit::options(quality)
             };
+            let quality = format!("{quality:?}").to_lowercase();
             let line = if let Some(frames) = args.shot {
                 let (line, of_frames) =
                     shot::play(&case, &format!("{} | {quality}", case.name), frames, &device, &options)?;
                 if let Some(path) = &args.out {
-                    write(&path.with_file_name(format!("{}.{quality}.csv", case.name)), &of_frames)?;
+                    bench::write(&path.with_file_name(format!("{}.{quality}.csv", case.name)), &of_frames)?;
                 }
                 line
             } else {
@@ -132,11 +125,7 @@ fn run(args: &Args) -> Result<(), String> {
             text += &line;
         }
     }
-    args.out.as_ref().map_or(Ok(()), |path| write(path, &text))
-}
-
-fn write(path: &Path, text: &str) -> Result<(), String> {
-    std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+    bench::write_out(&args.out, &text)
 }
 
 fn rough(name: &str, r: &Roughness) -> String {
@@ -151,14 +140,6 @@ fn rough(name: &str, r: &Roughness) -> String {
         r.noise,
         r.ms
     )
-}
-
-fn parsed(quality: &str) -> Result<Quality, String> {
-    Ok(match quality {
-        "draft" => Quality::Draft,
-        "normal" => Quality::Normal,
-        other => return Err(format!("--qualities {other}: neither draft nor normal")),
-    })
 }
 
 fn followed(name: &str, f: &Followed) -> String {

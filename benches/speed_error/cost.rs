@@ -2,7 +2,7 @@
 
 use vrtm::{Quality, SolveOptions};
 
-use crate::rows::median;
+use vrtm_testkit::bench::median;
 use vrtm_testkit::cases::Case;
 use vrtm_testkit::{Model, cpu, scenes};
 

@@ -18,14 +18,12 @@ pub struct Machine {
 impl Machine {
     pub fn look() -> Machine {
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = info.lines().find(|line| line.starts_with("model name"));
-        let name = model.and_then(|line| line.split(':').nth(1)).map(str::trim);
+        let name = vrtm_testkit::bench::processor().unwrap_or("processor of unknown name".into());
         let adapters = vrtm::adapters().into_iter();
         let rustc = std::process::Command::new("rustc").arg("--version").output().ok();
         let rustc = rustc.and_then(|output| String::from_utf8(output.stdout).ok());
         Machine {
-            cpu: format!("{} ({})", name.unwrap_or("processor of unknown name"), std::env::consts::ARCH),
+            cpu: format!("{} ({})", name, std::env::consts::ARCH),
             threads,
             simd: simd(),
             compiler: rustc.map_or("rustc of unknown version".into(), |text| text.trim().into()),

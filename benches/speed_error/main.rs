@@ -16,12 +16,13 @@ mod rows;
 mod runs;
 mod table;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
 use vrtm::{Backend, Device, DeviceSettings};
+use vrtm_testkit::bench;
 
 use machine::Machine;
 use oracle::Done;
@@ -66,7 +67,6 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    vrtm_testkit::at_root();
     let mut args = Args::parse();
     if args.quick || !args.bench {
         args.quick = true;
@@ -77,13 +77,7 @@ fn main() -> ExitCode {
             args.scenes = vec!["bulge".into()];
         }
     }
-    match run(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    bench::main(|| run(&args))
 }
 
 fn run(args: &Args) -> Result<(), String> {
@@ -118,8 +112,8 @@ fn run(args: &Args) -> Result<(), String> {
     if !args.bench {
         return Ok(());
     }
-    write(&args.out, "speed_error.csv", &rows::csv(&rows))?;
-    write(&args.out, "speed_error.md", &text)?;
+    bench::write(&args.out.join("speed_error.csv"), &rows::csv(&rows))?;
+    bench::write(&args.out.join("speed_error.md"), &text)?;
     let note = format!(
         "{}, {} threads, {}; grid {}²; medians of whole solves, all solvers in turn in one run",
         machine.cpu, machine.threads, machine.simd, args.grid
@@ -152,10 +146,4 @@ fn targets(wanted: &[String]) -> Result<Vec<Target>, String> {
         targets.push(Target { name: "gpu", device: device(Backend::Gpu, adapter)? });
     }
     Ok(targets)
-}
-
-fn write(folder: &Path, name: &str, text: &str) -> Result<(), String> {
-    let path = folder.join(name);
-    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
 }

@@ -40,13 +40,7 @@ impl Done {
     pub fn rows(&self) -> Vec<Row> {
         let Done { case, ran, before, oracle } = self;
         let gap = |energy: f64| (energy - oracle.energy) / (before - oracle.energy);
-        let blank = Row {
-            scene: case.name.clone(),
-            frame: case.frame,
-            udim: case.udim,
-            grid: case.grid,
-            ..Row::default()
-        };
+        let blank = Row::blank(case);
         let mut rows = Vec::new();
         if let Some(SolvedRow { row, .. }) = ran.first() {
             // The strain before a solve is that of the original UVs.

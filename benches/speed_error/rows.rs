@@ -1,6 +1,7 @@
 //! A row of the result: one effort on one case, with its error and its time.
 
 use vrtm::{StrainReport, TileReport};
+use vrtm_testkit::cases::Case;
 
 #[derive(Clone, Debug, Default)]
 pub struct Row {
@@ -34,6 +35,17 @@ pub struct Times {
 }
 
 impl Row {
+    /// Of a case, without any result.
+    pub fn blank(case: &Case) -> Row {
+        Row {
+            scene: case.name.clone(),
+            frame: case.frame,
+            udim: case.udim,
+            grid: case.grid,
+            ..Row::default()
+        }
+    }
+
     pub fn folded(&self) -> bool {
         self.report.folds > 0
     }
@@ -92,15 +104,4 @@ fn short(x: f64, digits: usize) -> String {
         return String::new();
     }
     format!("{:?}", format!("{x:.*e}", digits - 1).parse().unwrap_or(x))
-}
-
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let n = sorted.len();
-    match n {
-        0 => f64::NAN,
-        _ if n % 2 == 1 => sorted[n / 2],
-        _ => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
-    }
 }

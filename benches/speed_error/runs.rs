@@ -1,11 +1,12 @@
 //! Runs the efforts on a case: once to measure the errors, then timed in rounds, so that other load on the machine
 //! affects all efforts alike and ratios can be taken within a round.
 
-use vrtm::{Asset, Device, SolveOptions, Strided};
+use vrtm::{Asset, Device, SolveOptions};
 use vrtm_testkit::Lab as _;
 
 use crate::efforts::{Effort, NORMAL, Who};
-use crate::rows::{Row, Times, median};
+use crate::rows::{Row, Times};
+use vrtm_testkit::bench::median;
 use vrtm_testkit::cases::Case;
 use vrtm_testkit::on_all_cores;
 
@@ -84,7 +85,7 @@ pub fn run(
             iterations: effort.iterations,
             strain: report.strain,
             report,
-            ..blank(case)
+            ..Row::blank(case)
         };
         ran.push(SolvedRow { row, u: u.into_iter().map(|u| u.map(f64::from)).collect() });
     }
@@ -93,9 +94,9 @@ pub fn run(
         asset.solve(case, &effort.options)
     })?;
     let (asset, tile) = (&assets[0].asset, assets[0].tile);
-    let energies = on_all_cores(&ran, |ran| energy(asset, tile, case.pose(0), &ran.u));
+    let energies = on_all_cores(&ran, |ran| asset.reference_energy(tile, case.pose(0), &ran.u));
     for (ran, energy) in ran.iter_mut().zip(energies) {
-        ran.row.energy = energy?;
+        ran.row.energy = energy.map_err(|error| error.to_string())?;
     }
     Ok(ran)
 }
@@ -129,12 +130,4 @@ fn time(
         });
     }
     Ok(())
-}
-
-fn energy(asset: &Asset, tile: usize, pose: Strided, u: &[[f64; 2]]) -> Result<f64, String> {
-    asset.reference_energy(tile, pose, u).map_err(|error| error.to_string())
-}
-
-fn blank(case: &Case) -> Row {
-    Row { scene: case.name.clone(), frame: case.frame, udim: case.udim, grid: case.grid, ..Row::default() }
 }

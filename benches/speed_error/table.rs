@@ -125,7 +125,7 @@ fn claimed(claims: &[Claim]) -> String {
             claims.iter().filter(|c| c.by == by).map(|c| c.ratio().unwrap_or(0.0)).collect();
         all.sort_by(f64::total_cmp);
         let met = all.iter().filter(|&&ratio| ratio >= BAR).count();
-        let (n, middle) = (all.len(), crate::rows::median(&all));
+        let (n, middle) = (all.len(), vrtm_testkit::bench::median(&all));
         let least = all.first().copied().unwrap_or(f64::NAN);
         format!("{by}: bar met on {met} of {n}, median {middle:.1}, least {least:.1} (0: never)")
     };

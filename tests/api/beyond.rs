@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use vrtm::{
-    Asset, Control, Device, ErrorKind, MeshSource, OpenBorders, Seams, SolveRequest, Strided, TileSettings,
+    Asset, Control, Device, ErrorKind, MeshSource, OpenBorders, Seams, SolveOptions, SolveRequest, Strided,
     UvSource,
 };
-use vrtm_testkit::{bits, cpu, set_grid, view};
+use vrtm_testkit::features::set_borders;
+use vrtm_testkit::{bits, change, cpu, set_grid, view};
 
 /// A sheet of quads that is cut into `columns` by `rows` charts, with discs of rigidity over all seams.
 pub struct CutSheet {
@@ -64,11 +65,9 @@ impl CutSheet {
         set_grid(&mut asset, size as u32);
         for tile in 0..asset.tile_count() {
             asset.set_rigidity(tile, Some(view(&discs, size as u32, size as u32))).unwrap();
-            if goes_on {
-                let (seams, open_borders) = (Seams::Continue, OpenBorders::Slide);
-                let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
-                asset.set_settings(tile, &settings).unwrap();
-            }
+        }
+        if goes_on {
+            set_borders(&mut asset, (Seams::Continue, OpenBorders::Slide));
         }
         asset
     }
@@ -174,14 +173,10 @@ fn beside_a_still_chart_both_sides_stay_together() {
     };
     let disc: Vec<u8> = (0..size * size).map(disc).collect();
     asset.set_rigidity(0, Some(view(&disc, size as u32, size as u32))).unwrap();
-    let settings = TileSettings { open_borders: OpenBorders::Fixed, ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [2.0 * x, y, z]).collect();
-    asset
-        .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
-        .unwrap();
-    let mut uvs = vec![[0.0; 2]; sheet.uvs.len()];
-    asset.corner_uvs(&mut uvs).unwrap();
+    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+    let uvs = vrtm_testkit::corner_uvs(&asset);
     // In cells, of corners on a line u = constant.
     let most = |u: f32| {
         let at_line = sheet.uvs.iter().zip(&uvs).filter(|(own, _)| (own[0] - u).abs() < 1e-6);
@@ -206,8 +201,7 @@ fn a_tile_follows_the_setting_of_its_neighbour() {
         bits(asset)
     };
     let shut = |asset: &mut Asset, seams| {
-        let settings = TileSettings { seams, ..asset.settings(1).unwrap() };
-        asset.set_settings(1, &settings).unwrap();
+        change(asset, 1, |settings| settings.seams = seams);
     };
     let mut asset = sheet.asset(&device, 64, true);
     let before = run(&mut asset, None);
@@ -276,14 +270,10 @@ fn beside_a_slit_both_sides_stay_together() {
     };
     let discs: Vec<u8> = (0..SIZE * SIZE).map(disc).collect();
     asset.set_rigidity(0, Some(view(&discs, SIZE as u32, SIZE as u32))).unwrap();
-    let settings = TileSettings { open_borders: OpenBorders::Fixed, ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [1.6 * x, y, 1.6 * z]).collect();
-    asset
-        .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
-        .unwrap();
-    let mut uvs = vec![[0.0; 2]; sheet.uvs.len()];
-    asset.corner_uvs(&mut uvs).unwrap();
+    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+    let uvs = vrtm_testkit::corner_uvs(&asset);
     // By how many cells both sides move at a vertex of the seam.
     let moved = |chart: usize, row: usize| {
         let at = [ends[chart], 0.1 + quad * row as f32];

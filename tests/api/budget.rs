@@ -5,9 +5,9 @@ use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use vrtm::{Asset, Device, DeviceSettings, SolveOptions, SolveRequest, Solver, Strided};
+use vrtm::{Asset, SolveOptions, SolveRequest, Solver, Strided};
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, bits, scenes};
+use vrtm_testkit::{self, Model, bits, devices, scenes};
 
 /// A clock that every reading moves by a millisecond.
 fn ticking() -> Instant {
@@ -18,13 +18,6 @@ fn ticking() -> Instant {
 
 fn with_budget(ms: u64) -> SolveOptions {
     SolveOptions { time_budget: Some(Duration::from_millis(ms)), ..SolveOptions::default() }
-}
-
-fn devices() -> Vec<Device> {
-    [Some(vrtm_testkit::cpu(0)), vrtm_testkit::gpu(&DeviceSettings::default())]
-        .into_iter()
-        .flatten()
-        .collect()
 }
 
 /// A part of the motion from rest to the first frame.
@@ -95,8 +88,7 @@ fn a_budget_that_is_never_reached_gives_the_same_bits() {
             let plain = vrtm_testkit::options(quality);
             let enough = SolveOptions { time_budget: Some(Duration::from_secs(3600)), ..plain };
             let [expected, found] = [plain, enough].map(|options| {
-                let mut asset = model.asset_on(&device, 128);
-                asset.solve(model.frame(1), &options).unwrap();
+                let asset = model.solved(&device, 128, 1, &options);
                 assert!(!asset.report().unwrap().truncated, "{quality:?}");
                 bits(&asset)
             });

@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use vrtm::{
-    Asset, Control, DeviceSettings, ErrorKind, Executor, FetchKind, ImageLayout, ImageViewMut, PbdSettings,
-    PixelFormat, Quality, Result, SolveOptions, SolveRequest, Solver,
+    Asset, Control, Device, DeviceSettings, ErrorKind, Executor, FetchKind, PbdSettings, Quality, Result,
+    SolveOptions, SolveRequest, Solver,
 };
-use vrtm_testkit::{self, Model, bits, fetch, long, options, scenes};
+use vrtm_testkit::{self, Model, bits, corner_uvs, fetch, long, options, scenes, texels};
 
 /// Solves a frame under a control.
 fn solve(
@@ -120,8 +120,7 @@ fn a_first_solve_that_is_cancelled_leaves_no_result() {
     let error = solve(&mut asset, &model, 1, SolveOptions::default(), &control).unwrap_err();
     assert_eq!((error.kind, asset.report().unwrap_err().kind), (ErrorKind::Cancelled, ErrorKind::NotSolved));
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-    let mut fresh = model.asset(2, 64);
-    fresh.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let fresh = model.solved(&vrtm_testkit::cpu(2), 64, 1, &SolveOptions::default());
     assert!(bits(&asset) == bits(&fresh));
 }
 
@@ -130,8 +129,7 @@ fn a_first_solve_that_is_cancelled_leaves_no_result() {
 fn progress_is_told_and_changes_nothing() {
     let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
     for options in ways() {
-        let mut plain = model.asset(2, 512);
-        plain.solve(model.frame(1), &options).unwrap();
+        let plain = model.solved(&vrtm_testkit::cpu(2), 512, 1, &options);
         let mut asset = model.asset(2, 512);
         let told = Arc::new(Mutex::new(Vec::new()));
         let (list, of_list) = (told.clone(), told.clone());
@@ -169,8 +167,7 @@ fn progress_is_told_and_changes_nothing() {
 #[test]
 fn a_progress_function_reads_results_and_cancels() {
     let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
-    let mut asset = model.asset(2, 256);
-    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let mut asset = model.solved(&vrtm_testkit::cpu(2), 256, 1, &SolveOptions::default());
     let first = bits(&asset);
     let (results, calls) = (asset.results().clone(), Arc::new(AtomicUsize::new(0)));
     let counter = calls.clone();
@@ -184,8 +181,10 @@ fn a_progress_function_reads_results_and_cancels() {
 }
 
 /// Reads everything that can be read, again and again, while other frames are solved. Each map is that of one frame.
-fn read_while_solving(model: &Model, mut asset: Asset) {
+fn read_while_solving(device: &Device, grid: u32) {
     const SIZE: u32 = 96;
+    let model = Model::from(scenes::mug_to_jug());
+    let mut asset = model.asset_on(device, grid);
     let map = |asset: &mut Asset| fetch(asset, 0, FetchKind::Redirection, [SIZE, SIZE]);
     let frames = [1, 2];
     let mut maps = Vec::new();
@@ -199,12 +198,7 @@ fn read_while_solving(model: &Model, mut asset: Asset) {
     let read = || {
         let mut seen = [0; 2];
         while !over.load(Ordering::Relaxed) {
-            let mut bytes = vec![0; (SIZE * SIZE * 8) as usize];
-            let mut layout = ImageLayout::packed(SIZE, SIZE, PixelFormat::F32);
-            layout.origin = vrtm::Origin::Bottom;
-            let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-            results.fetch(0, FetchKind::Redirection, &mut image).unwrap();
-            let read = vrtm_testkit::floats(&bytes);
+            let read = texels(&results, 0, FetchKind::Redirection, [SIZE; 2], [f32::NAN; 2]);
             let which = maps.iter().position(|map| *map == read).expect("a map of one of the frames, whole");
             seen[which] += 1;
             results.corner_uvs(&mut vec![[0.0; 2]; corners]).unwrap();
@@ -231,17 +225,9 @@ fn read_while_solving(model: &Model, mut asset: Asset) {
     assert!(seen.iter().flatten().sum::<usize>() >= 8);
 }
 
-#[test]
-fn results_are_read_while_the_next_ones_are_computed() {
-    let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
-    read_while_solving(&model, model.asset(2, 256));
-}
-
-#[test]
-fn results_are_read_while_the_next_ones_are_computed_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
-    read_while_solving(&model, model.asset_on(&device, 64));
+vrtm_testkit::on_both! {
+    results_are_read_while_the_next_ones_are_computed(256),
+    results_are_read_while_the_next_ones_are_computed_on_a_gpu(64): read_while_solving
 }
 
 /// Results outlive their asset.
@@ -304,11 +290,9 @@ fn a_host_s_threads_give_the_same_bits() {
     let model = Model::from(scenes::by_name("arm").unwrap());
     let solve = |settings: DeviceSettings| {
         let device = vrtm::Device::new(&settings).unwrap();
-        let mut asset = model.asset_on(&device, 128);
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let mut asset = model.solved(&device, 128, 1, &SolveOptions::default());
         let map = fetch(&mut asset, 1, FetchKind::Redirection, [100, 100]);
-        let mut uvs = vec![[0.0; 2]; asset.info().corners as usize];
-        asset.corner_uvs(&mut uvs).unwrap();
+        let uvs = corner_uvs(&asset);
         (bits(&asset), map, uvs)
     };
     let cpu = |threads, executor| DeviceSettings {
@@ -345,13 +329,11 @@ fn many_nodes_share_a_host_s_two_threads() {
     };
     let device = vrtm::Device::new(&settings).unwrap();
     let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
-    let mut alone = model.asset(1, 64);
-    alone.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let alone = model.solved(&vrtm_testkit::cpu(1), 64, 1, &SolveOptions::default());
     let wanted = bits(&alone);
     let nodes: Vec<usize> = (0..64).collect();
     let same = vrtm_testkit::on_all_cores(&nodes, |_| {
-        let mut asset = model.asset_on(&device, 64);
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let asset = model.solved(&device, 64, 1, &SolveOptions::default());
         bits(&asset) == wanted
     });
     assert!(same.into_iter().all(|same| same));

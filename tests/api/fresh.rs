@@ -11,6 +11,7 @@ use vrtm::{
     Asset, Control, Device, ErrorKind, FetchKind, OpenBorders, Overlap, Quality, Seams, SolveOptions,
     SolveRequest, Strided, TileSettings, Weld, WeldBy,
 };
+use vrtm_testkit::random::Random;
 use vrtm_testkit::{Model, cpu, fetch, on_all_cores, options, view};
 
 /// Quads on a side of a sheet.
@@ -27,23 +28,6 @@ pub const TILES: usize = 2;
 /// the fourth is beside them, and the last lies over it.
 const SHEETS: [[f32; 2]; 5] = [[0.08, 0.1], [0.55, 0.15], [1.1, 0.1], [1.55, 0.1], [1.6, 0.4]];
 const SIDE: f32 = 0.36;
-
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as usize % n
-    }
-
-    fn one<T: Copy>(&mut self, of: &[T]) -> T {
-        of[self.below(of.len())]
-    }
-
-    fn chance(&mut self, percent: usize) -> bool {
-        self.below(100) < percent
-    }
-}
 
 /// The sheets, with a slit in the middle of each that is closed at rest, and poses. The last two open slits: of all
 /// sheets, and of the first one alone.

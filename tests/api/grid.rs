@@ -1,9 +1,8 @@
 //! The size of a grid where none is set: that of the rigid features, whatever the size of the image.
 
-use std::sync::{Arc, Mutex};
-
-use vrtm::{Asset, Backend, Device, DeviceSettings, LogCode, LogEntry, Quality, Strided, TileSettings};
+use vrtm::{Asset, Backend, Device, DeviceSettings, LogCode, Quality, Strided, TileSettings};
 use vrtm_testkit::features::at_texels;
+use vrtm_testkit::log::{Line, listened};
 use vrtm_testkit::sixteen::{sixteen_asset, sixteen_charts};
 use vrtm_testkit::{Model, analytic, cpu, options, view};
 
@@ -84,23 +83,17 @@ fn charts_are_features_where_all_is_rigid() {
 
 #[test]
 fn a_size_that_is_set_is_obeyed_and_compared() {
-    let lines = Arc::new(Mutex::new(Vec::new()));
-    let log = {
-        let lines = lines.clone();
-        move |entry: &LogEntry| lines.lock().unwrap().push((entry.code, entry.values.to_vec()))
-    };
-    let settings =
-        DeviceSettings { backend: Backend::Cpu, log: Some(Arc::new(log)), ..DeviceSettings::default() };
-    let mut asset = sheet(&Device::new(&settings).unwrap());
+    let (device, log) = listened();
+    let mut asset = sheet(&device);
     assert_eq!(cells_of(&mut asset, 1024, 0.045), 512);
     let mut said = |grid: [Option<u32>; 2]| {
         asset.set_settings(0, &TileSettings { grid, ..TileSettings::default() }).unwrap();
-        lines.lock().unwrap().clear();
+        log.take();
         let info = asset.tile_info(0).unwrap();
         assert_eq!(info.grid, grid.map(|cells| cells.unwrap_or(512)));
-        let of_size =
-            |(code, _): &&(LogCode, Vec<f64>)| matches!(code, LogCode::GridTooCoarse | LogCode::GridTooFine);
-        lines.lock().unwrap().iter().filter(of_size).cloned().collect::<Vec<_>>()
+        let of_size = |line: &Line| matches!(line.code, LogCode::GridTooCoarse | LogCode::GridTooFine);
+        let lines = log.take().into_iter().filter(of_size);
+        lines.map(|line| (line.code, line.values)).collect::<Vec<_>>()
     };
     for grid in [[None, None], [Some(256), None], [Some(144), Some(2032)]] {
         assert_eq!(said(grid), [], "{grid:?}");
@@ -131,8 +124,7 @@ fn features_keep_their_shape_on_the_grid_that_is_chosen() {
     (model.maps[0].width, model.maps[0].height) = (side, side);
     model.maps[0].rigidity = discs(side as usize, 0.07);
     let strain = |grid: u32| {
-        let mut asset = model.asset(0, grid);
-        asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+        let asset = model.solved(&cpu(0), grid, 1, &options(Quality::Normal));
         let features = at_texels(&model, &model.frames[0], &asset);
         let mean = features.iter().map(|feature| feature.after).sum::<f64>() / features.len() as f64;
         (asset.tile_report(0).unwrap().grid[0], mean)

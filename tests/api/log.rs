@@ -1,29 +1,17 @@
 //! Each line of the log has a code, a tile and values. Words are for people: no test looks for them. `set_maps`,
 //! `grid`, `prepare` and the stretch of poses in tests/solver test the codes of maps, settings and poses.
 
-use std::sync::{Arc, Mutex};
+use vrtm::{Asset, Device, LogCode, LogLevel, MeshSource, Strided, UvSource};
+use vrtm_testkit::log::{Line, Lines, listened};
 
-use vrtm::{
-    Asset, Backend, Device, DeviceSettings, LogCode, LogEntry, LogLevel, MeshSource, Strided, UvSource,
-};
-
-/// Code, UDIM number and values.
-type Line = (LogCode, Option<u32>, Vec<f64>);
-
-/// A device of one thread, and the lines of its log.
-fn listened() -> (Device, Arc<Mutex<Vec<Line>>>) {
-    let lines = Arc::new(Mutex::new(Vec::new()));
-    let book = lines.clone();
-    let log = move |entry: &LogEntry| {
+/// Code, UDIM number and values of the lines; those that tell facts alone are no warnings.
+fn said(lines: &Lines) -> Vec<(LogCode, Option<u32>, Vec<f64>)> {
+    let line = |Line { level, code, udim, values }| {
         let facts = [LogCode::Device, LogCode::Mesh, LogCode::Tile, LogCode::Grid];
-        assert_eq!(entry.level == LogLevel::Info, facts.contains(&entry.code), "{entry:?}");
-        assert!(!entry.message.is_empty() && entry.values.len() <= 6, "{entry:?}");
-        book.lock().unwrap().push((entry.code, entry.udim, entry.values.to_vec()));
+        assert_eq!(level == LogLevel::Info, facts.contains(&code), "{code:?}");
+        (code, udim, values)
     };
-    let threads = std::num::NonZeroU32::new(1);
-    let log = Some(Arc::new(log) as vrtm::LogFn);
-    let settings = DeviceSettings { backend: Backend::Cpu, threads, log, ..DeviceSettings::default() };
-    (Device::new(&settings).unwrap(), lines)
+    lines.take().into_iter().map(line).collect()
 }
 
 #[test]
@@ -53,7 +41,7 @@ fn lines_about_a_mesh_have_its_numbers() {
     let (device, lines) = listened();
     let mut asset = make(&device, &rest);
     let (info, tile) = (asset.info(), asset.tile_info(0).unwrap());
-    let said = std::mem::take(&mut *lines.lock().unwrap());
+    let said_of_it = said(&lines);
     let mesh = [
         info.vertices,
         info.faces,
@@ -67,7 +55,7 @@ fn lines_about_a_mesh_have_its_numbers() {
     let numbers = |numbers: &[u64]| numbers.iter().map(|&n| n as f64).collect::<Vec<_>>();
     let grid = [tile.movable_nodes, tile.grid[0].into(), tile.grid[1].into(), 0, 0];
     assert_eq!(
-        said,
+        said_of_it,
         [
             (LogCode::Device, None, vec![1.0]),
             (LogCode::Mesh, None, numbers(&mesh)),
@@ -83,7 +71,7 @@ fn lines_about_a_mesh_have_its_numbers() {
     assert_eq!(mesh[..2], [15, 5]);
 
     make(&device, &[[1.0; 3]; 15]);
-    assert_eq!(lines.lock().unwrap().last(), Some(&(LogCode::RestIsPoint, None, vec![])));
+    assert_eq!(said(&lines).last(), Some(&(LogCode::RestIsPoint, None, vec![])));
 }
 
 /// A sheet whose UVs are folded in half: all of it overlaps.
@@ -113,7 +101,7 @@ fn overlaps_have_their_share() {
     .unwrap();
     asset.set_vertex_rigidity(Some(Strided::from_f32(&[1.0; 6]))).unwrap();
     let info = asset.tile_info(0).unwrap();
-    let lines = lines.lock().unwrap();
+    let lines = said(&lines);
     let values =
         |code| lines.iter().find(|line| line.0 == code).map(|(_, udim, values)| (*udim, values.clone()));
     assert_eq!(values(LogCode::Overlap), Some((Some(1001), vec![info.overlap.into()])));

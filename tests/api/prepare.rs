@@ -9,11 +9,12 @@ use std::time::{Duration, Instant};
 use crate::beyond::CutSheet;
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, HostAllocator, ImageLayout, ImageView,
-    LogCode, LogEntry, OpenBorders, PixelFormat, Quality, RefinementSettings, SolveOptions, Strided,
-    TileSettings,
+    LogCode, OpenBorders, PixelFormat, Quality, RefinementSettings, SolveOptions, Strided, TileSettings,
 };
+use vrtm_testkit::log::listened;
+use vrtm_testkit::random::Random;
 use vrtm_testkit::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use vrtm_testkit::{self, cpu, fetch, gpu, options, view};
+use vrtm_testkit::{self, change, cpu, fetch, gpu, options, view};
 
 static LIVE: AtomicU64 = AtomicU64::new(0);
 static PEAK: AtomicU64 = AtomicU64::new(0);
@@ -133,8 +134,7 @@ fn refining_takes_memory_for_what_moves() {
     let _alone = alone();
     for open_borders in [OpenBorders::Fixed, OpenBorders::Slide] {
         let mut asset = sixteen(&counting(None), 4096, 0.01);
-        let settings = TileSettings { open_borders, ..asset.settings(0).unwrap() };
-        asset.set_settings(0, &settings).unwrap();
+        change(&mut asset, 0, |settings| settings.open_borders = open_borders);
         let (positions, ..) = sixteen_charts(0.01);
         let pose = bulged(&positions, 0.3);
         asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();
@@ -197,27 +197,15 @@ fn memory_is_refused_before_it_is_taken() {
 #[test]
 fn rigid_texels_that_cannot_move_are_told() {
     let _alone = alone();
-    let log = std::sync::Arc::new(Mutex::new(Vec::new()));
-    let lines = log.clone();
-    let settings = DeviceSettings {
-        log: Some(std::sync::Arc::new(move |entry: &LogEntry| {
-            lines.lock().unwrap().push(entry.code);
-        })),
-        ..DeviceSettings::default()
-    };
-    let device = Device::new(&settings).unwrap();
-    let warned = || {
-        let mut lines = log.lock().unwrap();
-        let warned = lines.contains(&LogCode::NothingMoves);
-        lines.clear();
-        warned
-    };
+    let (device, log) = listened();
+    let said = || log.take().into_iter().map(|line| line.code).collect::<Vec<_>>();
+    let warned = || said().contains(&LogCode::NothingMoves);
     let mut asset = sixteen(&device, 256, 0.5);
     let free = asset.tile_info(0).unwrap();
     // Discs at the charts' borders are cut by them.
     assert!(free.fixed > 0.0 && free.fixed < 0.5, "{}", free.fixed);
-    assert!(log.lock().unwrap().contains(&LogCode::Grid));
-    assert!(!warned());
+    let codes = said();
+    assert!(codes.contains(&LogCode::Grid) && !codes.contains(&LogCode::NothingMoves), "{codes:?}");
     // Half of the tile is masked, then all of it.
     let half: Vec<u8> = (0..256 * 256).map(|k| if k % 256 < 128 { 0 } else { 255 }).collect();
     asset.set_mask(0, Some(view(&half, 256, 256))).unwrap();
@@ -246,16 +234,6 @@ fn all_memory_goes_back_with_the_asset() {
     assert!(peak > 1_000_000, "{peak} bytes were counted");
     assert_eq!(live, 0, "bytes are still allocated");
     assert_eq!(device.info().bytes_held, 0);
-}
-
-/// A generator of numbers.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: u32) -> u32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 33) % u64::from(n)) as u32
-    }
 }
 
 /// Everything of an asset's result that a host can see, but for times.
@@ -300,12 +278,13 @@ fn strokes(device: &Device, sizes: &[([u32; 2], [u32; 2])], rounds: u32, format:
         assert!(first.1[1] < first.1[0], "something is solved");
         let mut changed = 0;
         for round in 0..rounds {
-            let size = [1 + random.below(12), 1 + random.below(12)];
-            let mut at = [0, 1].map(|axis| random.below(map[axis] - size[axis] + 1));
+            let mut below = |n: u32| random.below(n as usize) as u32;
+            let size = [1 + below(12), 1 + below(12)];
+            let mut at = [0, 1].map(|axis| below(map[axis] - size[axis] + 1));
             if round == 0 {
                 at = map.map(|n| n / 8);
             }
-            let value = [0.0, 1.0, 0.5][random.below(3) as usize];
+            let value = random.one(&[0.0, 1.0, 0.5]);
             for y in at[1]..at[1] + size[1] {
                 for x in at[0]..at[0] + size[0] {
                     values[(y * map[0] + x) as usize] = value;

@@ -1,8 +1,8 @@
 //! Prepared tiles that are saved and loaded: the same results, and refusal of everything else.
 
-use vrtm::{Asset, Device, DeviceSettings, ErrorKind, FetchKind, Quality, TileSettings};
+use vrtm::{Asset, Device, ErrorKind, FetchKind, Quality, TileSettings};
 use vrtm_testkit::scenes::by_name;
-use vrtm_testkit::{Model, cpu, fetch, gpu, options};
+use vrtm_testkit::{Model, fetch, options};
 
 fn model(name: &str) -> Model {
     by_name(name).map(Model::from).expect("a scene of that name")
@@ -36,16 +36,9 @@ fn same_results(device: &Device, grid: u32) {
     }
 }
 
-#[test]
-fn a_loaded_tile_gives_the_same_bits() {
-    same_results(&cpu(0), 128);
-}
-
-#[test]
-fn a_loaded_tile_gives_the_same_bits_on_a_gpu() {
-    if let Some(device) = gpu(&DeviceSettings::default()) {
-        same_results(&device, 64);
-    }
+vrtm_testkit::on_both! {
+    a_loaded_tile_gives_the_same_bits(128),
+    a_loaded_tile_gives_the_same_bits_on_a_gpu(64): same_results
 }
 
 #[test]

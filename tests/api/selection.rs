@@ -3,7 +3,7 @@
 
 use vrtm::{Asset, ErrorKind, Quality, SolveOptions, SolveRequest};
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, bits, scenes};
+use vrtm_testkit::{self, Model, bits, change, scenes};
 
 /// The arm has two tiles.
 fn arm() -> (Model, Asset) {
@@ -19,8 +19,7 @@ fn tile_bits(asset: &Asset, tile: usize) -> Vec<[u32; 2]> {
 
 /// The bits of both tiles for a frame, solved alone.
 fn frame(model: &Model, number: usize) -> [Vec<[u32; 2]>; 2] {
-    let mut asset = model.asset(2, 64);
-    asset.solve(model.frame(number), &SolveOptions::default()).unwrap();
+    let asset = model.solved(&vrtm_testkit::cpu(2), 64, number, &SolveOptions::default());
     [0, 1].map(|tile| tile_bits(&asset, tile))
 }
 
@@ -56,8 +55,7 @@ fn a_tile_that_was_never_solved_has_no_result() {
     assert_eq!(asset.tile_report(0).unwrap_err().kind, ErrorKind::NotSolved);
     assert!(tile_bits(&asset, 1) == frame(&model, 3)[1]);
     // Its corners have the mesh's own UVs, those of the other tile their redirected ones.
-    let mut uvs = vec![[f32::NAN; 2]; asset.info().corners as usize];
-    asset.corner_uvs(&mut uvs).unwrap();
+    let uvs = vrtm_testkit::corner_uvs(&asset);
     let own: Vec<[f32; 2]> = model.uv_indices.iter().map(|&k| model.uvs[k as usize]).collect();
     let moved = |tile: f32| {
         let of_tile = |(uv, _): &(&[f32; 2], &[f32; 2])| uv[0].floor() == tile;
@@ -96,8 +94,7 @@ fn only_the_tiles_that_dirty_vertices_touch() {
     let nothing = SolveRequest { dirty_vertices: Some(&[]), ..request.clone() };
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [true, true]);
-    let settings = vrtm::TileSettings { room: 0.2, ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    change(&mut asset, 0, |settings| settings.room = 0.2);
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [false, true]);
     asset.set_mask(1, Some(vrtm_testkit::view(&[255], 1, 1))).unwrap();

@@ -1,14 +1,10 @@
 //! What is set last does not count, but what is nearer: a tile's maps before the values of the vertices. And values in
 //! another range than 0..1 are told of.
 
-use std::sync::{Arc, Mutex};
-
-use vrtm::{
-    Asset, Device, DeviceSettings, ImageLayout, ImageView, LogCode, LogEntry, LogLevel, PixelFormat,
-    SolveOptions, Strided,
-};
+use vrtm::{Asset, ImageLayout, ImageView, LogCode, LogLevel, PixelFormat, SolveOptions, Strided};
+use vrtm_testkit::log::{Line, listened};
 use vrtm_testkit::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use vrtm_testkit::{bits, cpu, view};
+use vrtm_testkit::{bits, change, cpu, view};
 
 const SIZE: u32 = 64;
 
@@ -23,8 +19,7 @@ enum Step {
 
 fn solved(steps: &[Step]) -> Vec<[u32; 2]> {
     let mut asset = sixteen_asset(&cpu(1), 0.9).unwrap();
-    let settings = vrtm::TileSettings { grid: [Some(SIZE), Some(SIZE)], ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    change(&mut asset, 0, |settings| settings.grid = [Some(SIZE), Some(SIZE)]);
     let (rest, ..) = sixteen_charts(0.9);
     let texels = discs(SIZE as usize, 8);
     let mask: Vec<u8> = (0..SIZE * SIZE).map(|k| if k % SIZE < SIZE / 2 { 255 } else { 0 }).collect();
@@ -71,20 +66,16 @@ fn a_tile_s_maps_count_before_the_values_of_vertices_in_any_order() {
 
 #[test]
 fn values_in_another_range_are_told_of() {
-    let told = Arc::new(Mutex::new(Vec::new()));
-    let list = told.clone();
-    let log: vrtm::LogFn = Arc::new(move |entry: &LogEntry| {
-        if entry.level == LogLevel::Warning {
-            let largest = entry.values.first().copied().unwrap_or(0.0);
-            list.lock().unwrap().push((entry.code, entry.udim, (1e4 * largest).round() / 1e4));
-        }
-    });
-    let settings = DeviceSettings { backend: vrtm::Backend::Cpu, log: Some(log), ..Default::default() };
-    let mut asset = sixteen_asset(&Device::new(&settings).unwrap(), 0.9).unwrap();
+    let (device, log) = listened();
+    let mut asset = sixteen_asset(&device, 0.9).unwrap();
     let mut warnings = |set: &dyn Fn(&mut Asset)| {
-        told.lock().unwrap().clear();
+        log.take();
         set(&mut asset);
-        told.lock().unwrap().clone()
+        let warning = |line: Line| {
+            let largest = line.values.first().copied().unwrap_or(0.0);
+            (line.level == LogLevel::Warning).then(|| (line.code, line.udim, (1e4 * largest).round() / 1e4))
+        };
+        log.take().into_iter().filter_map(warning).collect::<Vec<_>>()
     };
     let image = |format: PixelFormat, bytes: Vec<u8>| {
         move |asset: &mut Asset| {

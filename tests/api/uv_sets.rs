@@ -1,10 +1,10 @@
 //! Redirections as UVs of another UV set: solved in a set without overlaps, written for the one that textures use.
 
 use vrtm::{
-    Asset, ErrorKind, FetchKind, ImageLayout, ImageViewMut, MapDesc, MeshSource, Origin, PixelFormat, Seams,
+    Asset, ErrorKind, FetchKind, ImageLayout, ImageViewMut, MapDesc, MeshSource, PixelFormat, Seams,
     SolveOptions, Strided, TileSettings, UvSource,
 };
-use vrtm_testkit::{Model, cpu, fetch, scenes, view};
+use vrtm_testkit::{Model, cpu, fetch, quads, scenes, texels, view};
 
 const SIDE: usize = 12;
 const MAP: u32 = 64;
@@ -54,12 +54,7 @@ impl Sheet {
                 }
             }
         }
-        for j in 0..SIDE {
-            for i in 0..SIDE {
-                let at = |i: usize, j: usize| (j * (SIDE + 1) + i) as u32;
-                sheet.indices.extend([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
-            }
-        }
+        sheet.indices = quads([SIDE; 2], 0);
         sheet.first_corners = sheet.indices.clone();
         sheet.second_corners = sheet.indices.clone();
         for (n, texel) in sheet.rigidity.iter_mut().enumerate() {
@@ -177,18 +172,7 @@ fn a_border_of_the_other_set_inside_of_a_chart() {
 fn beside_charts_there_is_a_margin() {
     let second = |[x, y]: [f64; 2]| [2.0 * x + y, 3.0 * y - x];
     let asset = Sheet::new(second).solved(&TileSettings::default());
-    let mut bytes = vec![0; (SIZE[0] * SIZE[1]) as usize * 16];
-    let layout = ImageLayout {
-        channels: Some(4),
-        origin: Origin::Bottom,
-        ..ImageLayout::packed(SIZE[0], SIZE[1], PixelFormat::F32)
-    };
-    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-    asset.fetch(0, FetchKind::UvSet(1), &mut image).unwrap();
-    let texels: Vec<[f32; 4]> = bytes
-        .chunks_exact(16)
-        .map(|b| [0, 4, 8, 12].map(|k| f32::from_ne_bytes([b[k], b[k + 1], b[k + 2], b[k + 3]])))
-        .collect();
+    let texels = texels(asset.results(), 0, FetchKind::UvSet(1), SIZE, [0.0f32; 4]);
     let (mut margin, mut nothing) = (0, 0);
     for (n, texel) in texels.iter().enumerate() {
         let at = place(centre(n));
@@ -218,8 +202,7 @@ fn beside_charts_there_is_a_margin() {
 fn the_tile_s_own_set_is_the_redirection_itself() {
     // Also of a mesh that has no other set, in both of its tiles.
     let model = Model::from(scenes::by_name("arm").unwrap());
-    let mut arm = model.asset(2, 64);
-    arm.solve(model.frame(3), &SolveOptions::default()).unwrap();
+    let mut arm = model.solved(&cpu(2), 64, 3, &SolveOptions::default());
     for tile in 0..2 {
         let values = fetch(&mut arm, tile, FetchKind::UvSet(0), SIZE);
         let redirected = fetch(&mut arm, tile, FetchKind::RedirectionUdim, SIZE);

@@ -119,19 +119,21 @@ pub fn host(file: &str) -> PathBuf {
     build(&Path::new("tests/host").join(file), &name, &[], true)
 }
 
-/// Runs a program and prints its output. The settings of the machine must not change what it does.
+/// The settings of the machine must not change what a program does.
+pub fn without_settings(command: &mut Command) -> &mut Command {
+    ["VRTM_DEVICE", "VRTM_THREADS", "VRTM_GPU_LIMITS"].iter().for_each(|name| _ = command.env_remove(name));
+    // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
+    command.env("XDG_RUNTIME_DIR", scratch())
+}
+
+/// Runs a program and prints its output.
 pub fn run(program: &Path, arguments: &[&Path]) -> String {
     run_with(program, arguments, &[])
 }
 
 pub fn run_with(program: &Path, arguments: &[&Path], variables: &[(&str, &str)]) -> String {
-    let output = Command::new(program)
+    let output = without_settings(&mut Command::new(program))
         .args(arguments)
-        .env_remove("VRTM_DEVICE")
-        .env_remove("VRTM_THREADS")
-        .env_remove("VRTM_GPU_LIMITS")
-        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
-        .env("XDG_RUNTIME_DIR", scratch())
         .env("PATH", search_path())
         .envs(variables.iter().copied())
         .output()

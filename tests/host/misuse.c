@@ -86,6 +86,17 @@ static void devices(void)
     fails("an asset on a stale device", vrtm_asset_create(other, &d.mesh, &asset), GONE, "device");
 }
 
+static void bad_settings(const char *name, const vrtm_tile_settings *settings, const char *text)
+{
+    fails(name, vrtm_tile_set_settings(tile, settings), BAD, text);
+}
+
+static void bad_solve(const char *name, const vrtm_array *positions, const vrtm_solve_options *options,
+                      const char *text)
+{
+    fails(name, vrtm_asset_solve(asset, positions, options), BAD, text);
+}
+
 static void bad_mesh(const char *name, const char *text)
 {
     vrtm_asset other = {77};
@@ -283,36 +294,29 @@ static void maps(void)
          fails("no values", vrtm_asset_set_vertex_rigidity(asset, &array), BAD, "rigidity.data is null"));
 
     vrtm_tile_settings settings = vrtm_tile_settings_init();
-    WITH(float, settings.room, -2,
-         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room: -2 is not between"));
-    WITH(float, settings.smoothness, NAN,
-         fails("smoothness NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness"));
+    WITH(float, settings.room, -2, bad_settings("room -2", &settings, "settings.room: -2 is not between"));
+    WITH(float, settings.smoothness, NAN, bad_settings("smoothness NaN", &settings, "settings.smoothness"));
     WITH(float, settings.smoothness_floor, 0,
-         fails("no floor", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness_floor"));
+         bad_settings("no floor", &settings, "settings.smoothness_floor"));
     WITH(float, settings.room_threshold, 2,
-         fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));
-    WITH(float, settings.harm, 17,
-         fails("harm 17", vrtm_tile_set_settings(tile, &settings), BAD, "settings.harm: 17 is not between"));
-    WITH(float, settings.harm, NAN,
-         fails("harm NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.harm"));
-    WITH(vrtm_seams, settings.seams, 3,
-         fails("seams 3", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seams is 3"));
+         bad_settings("threshold 2", &settings, "settings.room_threshold"));
+    WITH(float, settings.harm, 17, bad_settings("harm 17", &settings, "settings.harm: 17 is not between"));
+    WITH(float, settings.harm, NAN, bad_settings("harm NaN", &settings, "settings.harm"));
+    WITH(vrtm_seams, settings.seams, 3, bad_settings("seams 3", &settings, "settings.seams is 3"));
     WITH(float, settings.seam_reach, -1,
-         fails("no reach", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seam_reach: -1 is not"));
+         bad_settings("no reach", &settings, "settings.seam_reach: -1 is not"));
     settings.seams = VRTM_SEAMS_CONTINUE;
     WITH(float, settings.orientation_density, 1,
-         fails("seams and density", vrtm_tile_set_settings(tile, &settings), BAD, "orientation_density"));
+         bad_settings("seams and density", &settings, "orientation_density"));
     settings.seams = VRTM_SEAMS_SHUT;
     WITH(vrtm_open_borders, settings.open_borders, -1,
-         fails("borders -1", vrtm_tile_set_settings(tile, &settings), BAD, "settings.open_borders is -1"));
+         bad_settings("borders -1", &settings, "settings.open_borders is -1"));
     settings.open_borders = VRTM_OPEN_BORDERS_SLIDE;
     WITH(float, settings.orientation_density, 1,
-         fails("borders and density", vrtm_tile_set_settings(tile, &settings), BAD, "settings.open_borders: "));
+         bad_settings("borders and density", &settings, "settings.open_borders: "));
     settings.open_borders = VRTM_OPEN_BORDERS_FIXED;
-    WITH(uint32_t, settings.grid_width, 20000,
-         fails("a grid too large", vrtm_tile_set_settings(tile, &settings), BAD, "settings.grid"));
-    WITH(vrtm_overlap, settings.overlap, 5,
-         fails("overlap 5", vrtm_tile_set_settings(tile, &settings), BAD, "settings.overlap is 5"));
+    WITH(uint32_t, settings.grid_width, 20000, bad_settings("a grid too large", &settings, "settings.grid"));
+    WITH(vrtm_overlap, settings.overlap, 5, bad_settings("overlap 5", &settings, "settings.overlap is 5"));
     fails("no place for settings", vrtm_tile_get_settings(tile, NULL), BAD, "settings is null");
 }
 
@@ -368,23 +372,19 @@ static void solves_and_fetches(void)
 
     fails("no positions", vrtm_asset_solve(asset, NULL, NULL), BAD, "positions is null");
     WITH(data, positions.data, NULL,
-         fails("no position data", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.data is null"));
-    WITH(size_t, positions.count, VERTICES - 1,
-         fails("a vertex too few", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions"));
-    WITH(size_t, positions.stride, 8,
-         fails("a short stride", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.stride is 8"));
+         bad_solve("no position data", &positions, NULL, "positions.data is null"));
+    WITH(size_t, positions.count, VERTICES - 1, bad_solve("a vertex too few", &positions, NULL, "positions"));
+    WITH(size_t, positions.stride, 8, bad_solve("a short stride", &positions, NULL, "positions.stride is 8"));
     WITH(size_t, positions.stride, SIZE_MAX / 2,
-         fails("a stride beyond memory", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.stride is 92"));
+         bad_solve("a stride beyond memory", &positions, NULL, "positions.stride is 92"));
     WITH(size_t, positions.count, SIZE_MAX / 16,
-         fails("a count beyond memory", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.count: "));
-    WITH(double, pose[42][1], NAN,
-         fails("a NaN position", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions[42]"));
+         bad_solve("a count beyond memory", &positions, NULL, "positions.count: "));
+    WITH(double, pose[42][1], NAN, bad_solve("a NaN position", &positions, NULL, "positions[42]"));
     WITH(double, pose[43][0], -INFINITY,
-         fails("an infinite position", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions[43]"));
+         bad_solve("an infinite position", &positions, NULL, "positions[43]"));
     WITH(vrtm_quality, options.quality, 2,
-         fails("quality 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.quality is 2"));
-    WITH(vrtm_solver, options.solver, 2,
-         fails("solver 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.solver is 2"));
+         bad_solve("quality 2", &positions, &options, "options.quality is 2"));
+    WITH(vrtm_solver, options.solver, 2, bad_solve("solver 2", &positions, &options, "options.solver is 2"));
     /* Fields of the other solver are not looked at. */
     WITH(uint32_t, options.pbd.iterations, 0,
          succeeds("no iterations of the other solver", vrtm_asset_solve(asset, &positions, &options)));
@@ -392,25 +392,23 @@ static void solves_and_fetches(void)
     WITH(float, options.tolerance, 1,
          succeeds("a tolerance of the other solver", vrtm_asset_solve(asset, &positions, &options)));
     WITH(uint32_t, options.pbd.iterations, 1025,
-         fails("1025 iterations", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.iterations: 1025"));
+         bad_solve("1025 iterations", &positions, &options, "options.pbd.iterations: 1025"));
     WITH(float, options.pbd.damping, 1.5f,
-         fails("damping 1.5", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.damping: 1.5"));
+         bad_solve("damping 1.5", &positions, &options, "options.pbd.damping: 1.5"));
     WITH(float, options.pbd.smoothing, NAN,
-         fails("a NaN smoothing", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.smoothing: NaN"));
+         bad_solve("a NaN smoothing", &positions, &options, "options.pbd.smoothing: NaN"));
     options.solver = VRTM_SOLVER_DESCENT;
     succeeds("the other solver again", vrtm_asset_solve(asset, &positions, &options));
-    WITH(uint32_t, options.warm, 2,
-         fails("warm 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.warm is 2"));
+    WITH(uint32_t, options.warm, 2, bad_solve("warm 2", &positions, &options, "options.warm is 2"));
     WITH(float, options.temporal_weight, -1,
-         fails("weight -1", vrtm_asset_solve(asset, &positions, &options), BAD, "options.temporal_weight: -1"));
+         bad_solve("weight -1", &positions, &options, "options.temporal_weight: -1"));
     WITH(float, options.temporal_weight, NAN,
-         fails("a NaN weight", vrtm_asset_solve(asset, &positions, &options), BAD, "options.temporal_weight: NaN"));
-    WITH(float, options.tolerance, 1,
-         fails("tolerance 1", vrtm_asset_solve(asset, &positions, &options), BAD, "options.tolerance"));
+         bad_solve("a NaN weight", &positions, &options, "options.temporal_weight: NaN"));
+    WITH(float, options.tolerance, 1, bad_solve("tolerance 1", &positions, &options, "options.tolerance"));
     WITH(float, options.time_budget_ms, NAN,
-         fails("a NaN budget", vrtm_asset_solve(asset, &positions, &options), BAD, "options.time_budget_ms"));
+         bad_solve("a NaN budget", &positions, &options, "options.time_budget_ms"));
     WITH(uint32_t, options.struct_size, 2,
-         fails("options' struct_size", vrtm_asset_solve(asset, &positions, &options), BAD, "options.struct_size"));
+         bad_solve("options' struct_size", &positions, &options, "options.struct_size"));
 
     const vrtm_fetch_kind redirection = VRTM_FETCH_REDIRECTION;
     bad_fetch("no image", redirection, NULL, BAD, "image is null");

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::tools::{build, check_cases, host, library, root, run, run_with, scratch, text};
+use crate::tools::{build, check_cases, host, library, root, run, run_with, scratch, text, without_settings};
 use vrtm_testkit::{gpu, long};
 
 mod cpp;
@@ -157,39 +157,30 @@ fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
     }
     // A program of its own, because the plain run may be building the same source at this time.
     let program = build(&Path::new("tests/host").join(file), &format!("checked_{}", &file[..3]), &[], linked);
-    let output = Command::new("valgrind")
+    let output = without_settings(&mut Command::new("valgrind"))
         .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
         // "Possibly lost" is the standard library's record of the main thread, which exists as long as that thread.
         .args(["--show-leak-kinds=definite", "--errors-for-leak-kinds=definite"])
         .arg(format!("--suppressions={}", root().join("tests/host/valgrind.supp").display()))
         .arg(program)
         .args(arguments)
-        .env_remove("VRTM_DEVICE")
-        .env_remove("VRTM_THREADS")
-        .env_remove("VRTM_GPU_LIMITS")
-        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
-        .env("XDG_RUNTIME_DIR", scratch())
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", text(&output));
 }
 
-#[test]
-fn smoke_under_valgrind() {
-    run_under_valgrind("smoke.c", true, &[]);
+macro_rules! under_valgrind {
+    ($($name:ident: $file:literal, $linked:literal, $arguments:expr;)*) => {$(
+        #[test]
+        fn $name() {
+            run_under_valgrind($file, $linked, $arguments);
+        }
+    )*};
 }
 
-#[test]
-fn misuse_under_valgrind() {
-    run_under_valgrind("misuse.c", true, &[]);
-}
-
-#[test]
-fn jobs_under_valgrind() {
-    run_under_valgrind("job.c", true, &[]);
-}
-
-#[test]
-fn unload_under_valgrind() {
-    run_under_valgrind("unload.c", false, &[&library()]);
+under_valgrind! {
+    smoke_under_valgrind: "smoke.c", true, &[];
+    misuse_under_valgrind: "misuse.c", true, &[];
+    jobs_under_valgrind: "job.c", true, &[];
+    unload_under_valgrind: "unload.c", false, &[&library()];
 }

@@ -207,19 +207,14 @@ fn no_files_import_one_another_in_a_circle() {
     let (mut files, mut count, mut circles) = (0, 0, Vec::new());
     for root in crates() {
         let modules = modules(&root);
-        let mut arrows: BTreeMap<&String, BTreeSet<&String>> = BTreeMap::new();
+        let mut arrows: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for (own, file) in &modules {
             let paths = paths(&code(file));
             let named = paths.iter().filter_map(|path| module(own, path, &modules));
-            arrows.insert(own, named.filter(|name| *name != own).collect());
+            arrows.insert(own.clone(), named.filter(|name| *name != own).cloned().collect());
         }
-        for own in modules.keys() {
-            let (mut reached, mut open) = (BTreeMap::new(), vec![own]);
-            while let Some(from) = open.pop() {
-                open.extend(arrows[from].iter().filter(|to| reached.insert(**to, from).is_none()));
-            }
-            circles.extend(reached.get(own).map(|from| format!("{}: {from} -> {own}", root.display())));
-        }
+        let of_crate = crate::circles(&arrows);
+        circles.extend(of_crate.into_iter().map(|circle| format!("{}: {circle}", root.display())));
         files += modules.len();
         count += arrows.values().map(BTreeSet::len).sum::<usize>();
     }

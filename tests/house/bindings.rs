@@ -128,14 +128,6 @@ fn imports_point_down_the_table() {
 
 #[test]
 fn no_python_files_import_one_another_in_a_circle() {
-    let arrows = arrows();
-    let mut circles = Vec::new();
-    for own in arrows.keys() {
-        let (mut reached, mut open) = (BTreeMap::new(), vec![own]);
-        while let Some(from) = open.pop() {
-            open.extend(arrows[from].iter().filter(|to| reached.insert(*to, from).is_none()));
-        }
-        circles.extend(reached.get(own).map(|from| format!("{from} -> {own}")));
-    }
+    let circles = crate::circles(&arrows());
     assert!(circles.is_empty(), "files import one another:\n{}", circles.join("\n"));
 }

@@ -7,3 +7,18 @@ mod links;
 mod packages;
 mod size;
 mod words;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What each name that leads back to itself is reached from.
+fn circles(arrows: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
+    let mut circles = Vec::new();
+    for own in arrows.keys() {
+        let (mut reached, mut open) = (BTreeMap::new(), vec![own]);
+        while let Some(from) = open.pop() {
+            open.extend(arrows[from].iter().filter(|to| reached.insert(*to, from).is_none()));
+        }
+        circles.extend(reached.get(own).map(|from| format!("{from} -> {own}")));
+    }
+    circles
+}

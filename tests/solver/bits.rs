@@ -16,10 +16,8 @@ use std::sync::{Mutex, PoisonError};
 
 use hash::Hash;
 use small::{Small, drawn, hard, outputs, small};
-use vrtm::{
-    Device, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, TileSettings, adapters,
-};
-use vrtm_testkit::{self, Model, bits, cpu, fetch, on_all_cores, options};
+use vrtm::{Device, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, adapters};
+use vrtm_testkit::{self, Model, bits, change_all, cpu, fetch, on_all_cores, options};
 
 /// A named combination of solver options.
 struct Effort {
@@ -58,11 +56,7 @@ fn models() -> Vec<Model> {
 /// Solves a model's first frame (warm: its first two) and hashes displacements, maps and reports of all tiles.
 fn hash(model: &Model, device: &Device, grid: u32, effort: &Effort) -> u64 {
     let mut asset = model.asset_on(device, grid);
-    for tile in 0..asset.tile_count() {
-        let settings = asset.settings(tile).unwrap();
-        let orientation_density = effort.orientation_density;
-        asset.set_settings(tile, &TileSettings { orientation_density, ..settings }).unwrap();
-    }
+    change_all(&mut asset, |settings| settings.orientation_density = effort.orientation_density);
     if effort.options.warm {
         asset.solve(model.frame(model.frames.len()), &options(Quality::Draft)).unwrap();
     }

@@ -116,8 +116,7 @@ fn a_tile_does_not_pay_for_another() {
 fn nothing_active_takes_no_solver() {
     let model = Model::from(scenes::arm());
     let held = |asset: &Asset| asset.device().info().bytes_held;
-    let mut both = model.asset(0, 256);
-    both.solve(model.frame(2), &SolveOptions::default()).unwrap();
+    let both = model.solved(&cpu(0), 256, 2, &SolveOptions::default());
     let full = held(&both);
     let assert_idle = |asset: &Asset, name: &str| {
         let report = asset.report().unwrap();
@@ -189,8 +188,7 @@ fn bytes_follow_the_active_nodes() {
                 continue;
             }
             for model in [scenes::analytic::bulge(), scenes::creature()].map(Model::from) {
-                let mut asset = model.asset_on(&device, grid);
-                asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+                let asset = model.solved(&device, grid, 1, &SolveOptions::default());
                 let report = asset.tile_report(0).unwrap();
                 let bytes = report.bytes as f64 / report.nodes_active as f64;
                 println!(

@@ -2,9 +2,9 @@
 //! pose does to them, no node crosses one, wherever it runs: on lines of the grid, between them, across them, and where
 //! it ends or meets another.
 
-use vrtm::{Device, DeviceSettings, Quality};
+use vrtm::{Device, Quality};
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{Maps, Model, cpu, gpu, options};
+use vrtm_testkit::{Maps, Model, devices, options};
 
 /// Quads on a side of the sheet; two triangles each.
 const QUADS: usize = 32;
@@ -118,8 +118,7 @@ pub fn small() -> Model {
 /// The nodes that move, and those that cross a cut or lie on one and move.
 fn moved_and_crossing(device: &Device, cuts: &[Cut], shift: f64) -> (usize, usize) {
     let model = sheet(cuts, shift);
-    let mut asset = model.asset_on(device, GRID as u32);
-    asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+    let asset = model.solved(device, GRID as u32, 1, &options(Quality::Normal));
     assert_eq!(asset.info().charts, 1);
     let scale = if shift == 0.0 { 1.0 } else { 0.9 };
     let in_quads = |p: [f64; 2]| p.map(|x| (x - shift) / scale / GRID as f64 * QUADS as f64);
@@ -151,7 +150,7 @@ fn no_node_crosses_a_cut() {
         ("a T", vec![horizontal, cut([16, 16], [16, 28])]),
         ("a cross", vec![horizontal, cut([16, 17], [16, 28]), cut([16, 15], [16, 4])]),
     ];
-    for device in std::iter::once(cpu(0)).chain(gpu(&DeviceSettings::default())) {
+    for device in devices() {
         for (name, cuts) in &cases {
             // On lines of the grid, and between them.
             for shift in [0.0, 6.3] {

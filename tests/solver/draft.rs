@@ -1,22 +1,19 @@
 //! The preview, `draft`: what it reports without working on level 0.
 
-use vrtm::{DeviceSettings, Quality, SolveOptions, TileReport};
+use vrtm::Quality;
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, scenes};
+use vrtm_testkit::{Model, devices, options, scenes};
 
 /// The energies that a draft reports are those of level 1. Their ratio is near the one on level 0, the warp lowers the
 /// energy there, too, and it has no folds.
 #[test]
 fn its_energies_tell_what_it_gains_on_level_0() {
-    let devices = [Some(vrtm_testkit::cpu(0)), vrtm_testkit::gpu(&DeviceSettings::default())];
-    for (device, grid) in devices.into_iter().flatten().zip([256, 128]) {
+    for (device, grid) in devices().into_iter().zip([256, 128]) {
         for name in scenes::NAMES {
             let model = Model::from(scenes::by_name(name).unwrap());
             let frame = model.frames.len().min(5);
-            let mut asset = model.asset_on(&device, grid);
-            let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
-            asset.solve(model.frame(frame), &options).unwrap();
-            let report: TileReport = asset.tile_report(0).unwrap();
+            let asset = model.solved(&device, grid, frame, &options(Quality::Draft));
+            let report = asset.tile_report(0).unwrap();
             let [identity, result] = asset.energies_on_level_0(0, model.frame(frame)).unwrap();
             let (reported, exact) = (report.energy / report.energy_before, result / identity);
             println!(

@@ -5,7 +5,7 @@
 use std::f64::consts::PI;
 
 use vrtm::{Quality, Weld, WeldBy};
-use vrtm_testkit::{Maps, Model, Warp, cpu, long, on_all_cores, options};
+use vrtm_testkit::{Maps, Model, Warp, cpu, cross, long, on_all_cores, options};
 
 /// The side of the sheet in the tile.
 const SIDE: f64 = 0.66;
@@ -200,8 +200,6 @@ impl Triangles {
 
 /// The distance of a point from a triangle; 0 inside.
 fn distance(corners: &[[f64; 2]; 3], p: [f64; 2]) -> f64 {
-    let cross =
-        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let edges = [0, 1, 2].map(|k| [corners[k], corners[(k + 1) % 3]]);
     let turns = edges.map(|[a, b]| cross(a, b, p));
     if turns.iter().all(|&x| x >= 0.0) || turns.iter().all(|&x| x <= 0.0) {

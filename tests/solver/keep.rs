@@ -1,10 +1,10 @@
 //! Features at borders that are kept whole (`Seams::Keep`).
 
-use vrtm::{Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Seams, SolveOptions, TileSettings};
+use vrtm::{Asset, OpenBorders, Seams, SolveOptions};
 
 use vrtm_testkit::features::{Kind, set_borders};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{Model, bits, cpu, long, on_all_cores};
+use vrtm_testkit::{Model, bits, change, cpu, long, on_all_cores, view};
 
 /// At borders features are what they are without a warp; the others keep their shapes as they do with shut seams.
 #[test]
@@ -58,8 +58,7 @@ fn what_is_kept_follows_maps_and_settings() {
     let shut = solved(&mut other, &model);
     assert!(kept != shut);
     assert!(other.load_tile(0, &saved).unwrap_err().message.contains("another mesh, map or setting"));
-    let settings = TileSettings { seams: Seams::Keep, ..other.settings(0).unwrap() };
-    other.set_settings(0, &settings).unwrap();
+    change(&mut other, 0, |settings| settings.seams = Seams::Keep);
     other.load_tile(0, &saved).unwrap();
     assert!(solved(&mut other, &model) == kept);
 
@@ -71,8 +70,7 @@ fn what_is_kept_follows_maps_and_settings() {
             _ => maps.rigidity[k as usize],
         })
         .collect();
-    let image =
-        |bytes| ImageView::new("map", bytes, ImageLayout::packed(width, height, PixelFormat::U8)).unwrap();
+    let image = |bytes| view(bytes, width, height);
     asset.update_rigidity(0, image(&cut), [0, 0], [width, height]).unwrap();
     let after = solved(&mut asset, &model);
     let mut fresh = with(&model, Seams::Keep);

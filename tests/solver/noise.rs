@@ -4,17 +4,14 @@
 use std::collections::BTreeMap;
 
 use vrtm::{Quality, RefinementSettings};
-use vrtm_testkit::{Maps, Model, Warp, bits, long, options};
+use vrtm_testkit::{Maps, Model, Warp, bits, long, options, quads};
 
 /// A sheet of 64 by 32 quads whose UVs lie in low..high, with rigid discs, in a pose that squashes a part of it.
 pub fn sheet([low, high]: [f64; 2]) -> Model {
     let size = [64, 32];
-    let vertex = |i: usize, j: usize| (j * (size[0] + 1) + i) as u32;
     let places = (0..=size[1]).flat_map(|j| (0..=size[0]).map(move |i| [i as f64 / 64.0, j as f64 / 32.0]));
     let places: Vec<[f64; 2]> = places.collect();
-    let quads = (0..size[1]).flat_map(|j| (0..size[0]).map(move |i| [i, j]));
-    let quad = |[i, j]: [usize; 2]| [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
-    let indices: Vec<u32> = quads.flat_map(quad).collect();
+    let indices = quads(size, 0);
     let pose = |[x, y]: [f64; 2]| {
         let middle = (-12.0 * ((x - 0.5).powi(2) + (y - 0.5).powi(2))).exp();
         [x - 0.12 * (std::f64::consts::TAU * x).sin(), y, 0.25 * middle].map(|x| x as f32)
@@ -77,8 +74,7 @@ fn noisy_uvs_have_the_bits_of_their_means() {
         let noisy = noisy(&sheet([0.1, 0.9]), most, by_face);
         let mean = averaged(&noisy);
         let [found, expected] = [&noisy, &mean].map(|model| {
-            let mut asset = model.asset(1, 128);
-            asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+            let mut asset = model.solved(&vrtm_testkit::cpu(1), 128, 1, &options(Quality::Normal));
             let info = asset.tile_info(0).unwrap();
             assert_eq!((info.charts, info.edges_apart, info.gap_nodes), (1, 0, 0), "{most} {by_face}");
             let mut uvs = vec![[0.0; 2]; model.indices.len()];
@@ -102,8 +98,7 @@ fn noise_changes_a_warp_by_little_more_than_itself() {
     for range in [[0.1, 0.9], [0.0, 1.0], [0.125, 0.875]] {
         let clean = sheet(range);
         let warp = |model: &Model| {
-            let mut asset = model.asset(1, 128);
-            asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+            let mut asset = model.solved(&vrtm_testkit::cpu(1), 128, 1, &options(Quality::Normal));
             let info = asset.tile_info(0).unwrap();
             (Warp::of(&asset, 0), info.movable_nodes)
         };

@@ -8,7 +8,7 @@ use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{Borders, Kind, STILL, set_borders};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{self, Maps, Model, bits, cpu, long, on_all_cores, options};
+use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, long, on_all_cores, options};
 
 const SLIDE: Borders = (Seams::Shut, OpenBorders::Slide);
 
@@ -92,23 +92,16 @@ fn distance(outline: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
 
 /// Distances that points of the border move off it, ascending, and the largest that they move at all; in cells.
 fn off_border(sheet: &Sheet, asset: &Asset, grid: usize) -> (Vec<f64>, f64) {
-    let u = &asset.displacements_of_charts(0).unwrap()[0];
-    let node = |i: usize, j: usize| u[j * (grid + 1) + i].map(f64::from);
-    let displacement = |at: [f64; 2]| {
-        let [i, j] = at.map(|x| x.floor() as usize);
-        let (s, t) = (at[0].fract(), at[1].fract());
-        let (near, far) = (node(i, j), node(i + 1, j + 1));
-        let (third, first, second) = if s >= t { (node(i + 1, j), s, t) } else { (node(i, j + 1), t, s) };
-        [0, 1].map(|c| near[c] + first * (third[c] - near[c]) + second * (far[c] - third[c]))
-    };
+    let u = asset.displacements_of_charts(0).unwrap().swap_remove(0);
+    let warp = Warp { nx: grid, ny: grid, u };
     let outline: Vec<[f64; 2]> = sheet.outline.iter().map(|p| p.map(|x| x * grid as f64)).collect();
     let (mut off, mut most) = (Vec::new(), 0.0f64);
     for (a, b) in outline.iter().zip(outline.iter().cycle().skip(1)) {
         for part in (0..20).map(|k| f64::from(k) / 20.0) {
             let at = [0, 1].map(|c| a[c] + part * (b[c] - a[c]));
-            let u = displacement(at);
-            off.push(distance(&outline, [at[0] + u[0], at[1] + u[1]]));
-            most = most.max(u[0].hypot(u[1]));
+            let to = warp.at(at);
+            off.push(distance(&outline, to));
+            most = most.max((to[0] - at[0]).hypot(to[1] - at[1]));
         }
     }
     off.sort_by(f64::total_cmp);
@@ -157,7 +150,7 @@ fn rest_and_rigid_motions_are_the_identity() {
     let turned: Vec<[f32; 3]> = model.rest.iter().map(turn).collect();
     for pose in [&model.rest, &turned] {
         asset.solve(Strided::from_f32x3(pose), &SolveOptions::default()).unwrap();
-        assert!(vrtm_testkit::Warp::of(&asset, 0).is_identity());
+        assert!(Warp::of(&asset, 0).is_identity());
     }
 }
 
@@ -195,7 +188,7 @@ fn a_gpu_gives_the_same_to_a_fraction_of_a_cell() {
             let mut asset = sliding(&model, device, 128);
             let options = SolveOptions { solver, ..options(Quality::Normal) };
             asset.solve(model.frame(1), &options).unwrap();
-            vrtm_testkit::Warp::of(&asset, 0)
+            Warp::of(&asset, 0)
         });
         let apart = |a: &[f32; 2], b: &[f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
         let worst = of_cpu.u.iter().zip(&of_gpu.u).map(|(a, b)| apart(a, b)).fold(0.0, f32::max);

@@ -3,26 +3,15 @@
 //! figures.
 
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat, Quality,
-    SolveOptions, Solver, Strided, TileReport, TileSettings,
+    Asset, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, Strided, TileReport,
+    TileSettings,
 };
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, Warp, bits, cpu, fetch, gpu, scenes};
+use vrtm_testkit::{self, Model, Warp, bits, cpu, devices, fetch, gpu, scenes};
 
 fn pbd(iterations: u32) -> SolveOptions {
     let pbd = PbdSettings { iterations, ..PbdSettings::default() };
     SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() }
-}
-
-fn solved(model: &Model, device: &Device, grid: u32, frame: usize, options: &SolveOptions) -> Asset {
-    let mut asset = model.asset_on(device, grid);
-    asset.solve(model.frame(frame), options).unwrap();
-    asset
-}
-
-/// The CPU, and a GPU if there is one.
-fn devices() -> Vec<Device> {
-    std::iter::once(cpu(0)).chain(gpu(&DeviceSettings::default())).collect()
 }
 
 fn report(asset: &Asset) -> TileReport {
@@ -34,7 +23,7 @@ fn it_brings_the_energy_down_and_more_iterations_bring_it_lower() {
     for model in [Model::from(scenes::analytic::bulge()), Model::from(scenes::mug_to_jug())] {
         let energies: Vec<f64> = [2, 4, 16]
             .map(|n| {
-                let report = report(&solved(&model, &cpu(0), 128, 1, &pbd(n)));
+                let report = report(&model.solved(&cpu(0), 128, 1, &pbd(n)));
                 let sweeps = n * report.levels;
                 assert_eq!((report.sweeps, report.corrections, report.charts_fallback), (sweeps, 0, 0));
                 assert!(report.node_updates > u64::from(n) * report.nodes_active);
@@ -58,7 +47,7 @@ fn rest_is_the_identity_and_what_is_fixed_stays() {
         let inside = |k: usize| (28..36).contains(&(k % 64)) || (28..36).contains(&(k / 64));
         model.maps[0].mask =
             Some((0..512 * 512).map(|k| if inside(k % 512 / 8 + k / 4096 * 64) { 0 } else { 255 }).collect());
-        let warp = Warp::of(&solved(&model, &device, 64, 1, &pbd(4)), 0);
+        let warp = Warp::of(&model.solved(&device, 64, 1, &pbd(4)), 0);
         assert!(warp.longest() > 0.1);
         for (k, u) in warp.u.iter().enumerate() {
             let (i, j) = (k % 65, k / 65);
@@ -76,7 +65,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     let squash = Model::from(scenes::analytic::squash(0.25));
     for model in [Model::from(scenes::mug_to_jug()), squash] {
         let solve = |threads: u32| {
-            let mut asset = solved(&model, &cpu(threads), 96, 1, &pbd(4));
+            let mut asset = model.solved(&cpu(threads), 96, 1, &pbd(4));
             let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [100, 100]);
             let redirection: Vec<_> = redirection.iter().map(|uv| uv.map(f32::to_bits)).collect();
             (bits(&asset), redirection, report(&asset).energy.to_bits())
@@ -92,8 +81,8 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn the_same_bits_on_a_gpu_every_time() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };
     let model = Model::from(scenes::analytic::torus());
-    let first = bits(&solved(&model, &device, 96, 1, &pbd(3)));
-    assert!(first == bits(&solved(&model, &device, 96, 1, &pbd(3))));
+    let first = bits(&model.solved(&device, 96, 1, &pbd(3)));
+    assert!(first == bits(&model.solved(&device, 96, 1, &pbd(3))));
 }
 
 /// Both backends do the same arithmetic in the same order, except that a GPU may contract operations and rounds
@@ -133,7 +122,7 @@ fn redirections_of_folds_stay_in_the_tile() {
     let mut folds = 0;
     for device in devices() {
         for model in &models {
-            let mut asset = solved(model, &device, 64, 1, &pbd(16));
+            let mut asset = model.solved(&device, 64, 1, &pbd(16));
             folds += report(&asset).folds;
             for size in [[64, 64], [128, 32], [301, 77]] {
                 let uvs = fetch(&mut asset, 0, FetchKind::Redirection, size);
@@ -153,7 +142,7 @@ fn nodes_leave_the_tile_by_no_more_than_the_header_says() {
     model.frames[0].iter_mut().for_each(|p| p[1] *= 0.1);
     model.uvs.iter_mut().flatten().for_each(|x| *x = ((*x - 0.02) / 0.96).clamp(0.0, 1.0));
     let outside = |grid: u32, options: &SolveOptions| {
-        let mut asset = solved(&model, &cpu(0), grid, 1, options);
+        let mut asset = model.solved(&cpu(0), grid, 1, options);
         let nodes = fetch(&mut asset, 0, FetchKind::Warp, [grid + 1; 2]);
         nodes.as_flattened().iter().fold(0.0f32, |most, x| most.max(-x).max(x - 1.0))
     };
@@ -174,7 +163,7 @@ fn backends_can_be_compared() {
     }
     let model = Model::from(scenes::analytic::torus());
     let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
-    let asset = model.asset_on(&Device::new(&settings).unwrap(), 64);
+    let asset = model.asset_on(&vrtm::Device::new(&settings).unwrap(), 64);
     let differences = compare_backends(&asset, 0, model.frame(1), &pbd(5), true).unwrap();
     assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
     for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {
@@ -195,7 +184,7 @@ fn a_folded_result_is_reported_and_returned() {
     };
     let options = SolveOptions { solver: Solver::Pbd, pbd: settings, ..SolveOptions::default() };
     for device in devices() {
-        let mut asset = solved(&model, &device, 64, 1, &options);
+        let mut asset = model.solved(&device, 64, 1, &options);
         let reported = report(&asset);
         println!(
             "{} folds, J {:.2}, E {:.0} -> {:.0}",
@@ -208,8 +197,7 @@ fn a_folded_result_is_reported_and_returned() {
         // Its texels get a redirection all the same.
         let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [64, 64]);
         assert!(redirection.iter().flatten().all(|x| (-0.01..=1.01).contains(x)));
-        let mut uvs = vec![[f32::NAN; 2]; model.indices.len()];
-        asset.corner_uvs(&mut uvs).unwrap();
+        let uvs = vrtm_testkit::corner_uvs(&asset);
         assert!(uvs.iter().flatten().all(|x| x.is_finite()));
     }
 }
@@ -218,13 +206,12 @@ fn a_folded_result_is_reported_and_returned() {
 fn a_budget_ends_it_early_and_a_warm_start_goes_on() {
     let model = Model::from(scenes::analytic::bulge());
     for device in devices() {
-        let mut asset = model.asset_on(&device, 64);
-        asset
-            .solve(
-                model.frame(1),
-                &SolveOptions { time_budget: Some(std::time::Duration::from_micros(1)), ..pbd(64) },
-            )
-            .unwrap();
+        let mut asset = model.solved(
+            &device,
+            64,
+            1,
+            &SolveOptions { time_budget: Some(std::time::Duration::from_micros(1)), ..pbd(64) },
+        );
         let cut = report(&asset);
         // One iteration, and a last one, on each small level.
         assert!(cut.truncated && cut.sweeps <= 2 * cut.levels, "{} iterations", cut.sweeps);
@@ -285,11 +272,9 @@ fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mu
     scene.tiles.clear();
     let model = Model::from(scene);
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
-    let image = ImageView::new("rigidity", rigidity, ImageLayout::packed(64, 64, PixelFormat::U8)).unwrap();
-    asset.set_rigidity(0, Some(image)).unwrap();
-    let mut tile_settings = TileSettings { grid: [Some(64); 2], ..asset.settings(0).unwrap() };
-    settings(&mut tile_settings);
-    asset.set_settings(0, &tile_settings).unwrap();
+    asset.set_rigidity(0, Some(vrtm_testkit::view(rigidity, 64, 64))).unwrap();
+    vrtm_testkit::set_grid(&mut asset, 64);
+    vrtm_testkit::change(&mut asset, 0, settings);
     asset.solve(model.frame(1), options).unwrap();
     Warp::of(&asset, 0)
 }

@@ -1,19 +1,10 @@
 //! The built-in scenes, on which tests and benches measure, are well-formed meshes, and moderate where they claim it.
 
+use vrtm_testkit::faces;
 use vrtm_testkit::scenes::{self, Scene};
 
 fn all() -> Vec<Scene> {
     scenes::NAMES.iter().map(|name| scenes::by_name(name).expect("a scene of each name")).collect()
-}
-
-/// The range of corners of each face.
-fn faces(scene: &Scene) -> Vec<std::ops::Range<usize>> {
-    let mut end = 0;
-    let next = |&count: &u32| {
-        end += count as usize;
-        end - count as usize..end
-    };
-    scene.face_counts.iter().map(next).collect()
 }
 
 /// Twice the signed UV area of a face.
@@ -57,7 +48,7 @@ fn faces_lie_inside_their_tiles_and_do_not_overlap() {
         for tile in &scene.tiles {
             let offset = [(tile.udim - 1001) % 10, (tile.udim - 1001) / 10].map(|x| x as f32);
             let mut owner = vec![None; SIDE * SIDE];
-            for (index, face) in faces(&scene).into_iter().enumerate() {
+            for (index, face) in faces(&scene.face_counts).enumerate() {
                 let uvs = face.clone().map(|k| scene.uvs[scene.uv_indices[k] as usize]);
                 let uvs: Vec<[f32; 2]> = uvs.map(|uv| [uv[0] - offset[0], uv[1] - offset[1]]).collect();
                 let inside = uvs.iter().flatten().filter(|&&x| (0.0..=1.0).contains(&x)).count();
@@ -116,7 +107,7 @@ fn poses_stretch_but_stay_within_reason() {
     for scene in all() {
         for (pose, note) in scene.poses.iter().zip(&scene.notes) {
             let (mut low, mut high) = (f32::MAX, 0.0f32);
-            for face in faces(&scene) {
+            for face in faces(&scene.face_counts) {
                 for k in face.start..face.end - 1 {
                     let [a, b] = [k, k + 1].map(|k| scene.indices[k] as usize);
                     let length =

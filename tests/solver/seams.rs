@@ -3,14 +3,17 @@
 use std::f64::consts::TAU;
 
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, OpenBorders, Origin, PixelFormat,
-    Quality, Seams, SolveOptions, Strided, TileSettings,
+    Asset, Device, DeviceSettings, FetchKind, ImageViewMut, OpenBorders, Origin, Quality, Seams,
+    SolveOptions, SolveRequest, Strided,
 };
 use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{Kind, Summary, set_borders};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, long, on_all_cores, options};
+use vrtm_testkit::{
+    self, Maps, Model, Warp, bits, change, corner_uvs, cpu, dilation, long, on_all_cores, options, texels,
+    view,
+};
 
 /// Place of a cut sheet's second half in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
 #[derive(Clone, Copy)]
@@ -190,12 +193,8 @@ fn rest_and_rigid_motions_are_the_identity() {
 fn bits_depend_neither_on_threads_nor_on_frames_before() {
     for second in [places()[2].1, places()[4].1] {
         let mut model = sheet(Some(second));
-        let half: Vec<[f32; 3]> = model
-            .rest
-            .iter()
-            .zip(&model.frames[0])
-            .map(|(a, b)| [0, 1, 2].map(|k| 0.5 * (a[k] + b[k])))
-            .collect();
+        let ends = model.rest.iter().zip(&model.frames[0]);
+        let half = ends.map(|(a, b)| [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))).collect();
         model.frames.push(half);
         let solved = |threads: u32| {
             let mut asset = with(&model, &cpu(threads), 256, Seams::Continue);
@@ -214,12 +213,7 @@ fn bits_depend_neither_on_threads_nor_on_frames_before() {
         let mut pose = model.frames[0].clone();
         let moved: Vec<u32> = (0..pose.len() as u32).filter(|&v| model.rest[v as usize][0] > 0.65).collect();
         moved.iter().for_each(|&v| pose[v as usize][1] *= 1.1);
-        let request = vrtm::SolveRequest {
-            positions: Strided::from_f32x3(&pose),
-            dirty_vertices: Some(&moved),
-            ..vrtm::SolveRequest::default()
-        };
-        asset.run(&request, &mut []).unwrap();
+        solve_moved(&mut asset, &pose, &moved);
         let mut fresh = with(&model, &cpu(2), 256, Seams::Continue);
         fresh.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
         assert!(all_bits(&fresh) == all_bits(&asset), "a tile was kept whose neighbour has moved");
@@ -233,8 +227,7 @@ fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
     let model = sheet(Some(places()[4].1));
     let assets = |seams: Seams| {
         let mut asset = with(&model, &cpu(2), 256, Seams::Continue);
-        let settings = TileSettings { seams, ..asset.settings(1).unwrap() };
-        asset.set_settings(1, &settings).unwrap();
+        change(&mut asset, 1, |settings| settings.seams = seams);
         asset
     };
     for seams in [Seams::Continue, Seams::Shut] {
@@ -249,12 +242,7 @@ fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
             let moved: Vec<u32> = (0..pose.len() as u32).filter(near).collect();
             assert_eq!(moved.len(), 1);
             pose[moved[0] as usize][2] += 0.03;
-            let request = vrtm::SolveRequest {
-                positions: Strided::from_f32x3(&pose),
-                dirty_vertices: Some(&moved),
-                ..vrtm::SolveRequest::default()
-            };
-            asset.run(&request, &mut []).unwrap();
+            solve_moved(&mut asset, &pose, &moved);
             let mut fresh = assets(seams);
             fresh.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
             assert!(all_bits(&fresh) == all_bits(&asset), "{seams:?}, a vertex at {column}");
@@ -262,16 +250,20 @@ fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
     }
 }
 
+/// Solves a pose in which no more than some vertices have moved.
+fn solve_moved(asset: &mut Asset, pose: &[[f32; 3]], moved: &[u32]) {
+    let positions = Strided::from_f32x3(pose);
+    let request = SolveRequest { positions, dirty_vertices: Some(moved), ..SolveRequest::default() };
+    asset.run(&request, &mut []).unwrap();
+}
+
 /// The bits of all tiles' displacements and of a redirection of each.
 fn all_bits(asset: &Asset) -> Vec<u32> {
     let mut all = Vec::new();
     for tile in 0..asset.tile_count() {
         all.extend(asset.displacements(tile).unwrap().as_flattened().iter().map(|x| x.to_bits()));
-        let mut bytes = vec![0; 8 * 100 * 100];
-        let layout = ImageLayout::packed(100, 100, PixelFormat::F32);
-        let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
-        asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
-        all.extend(bytes.chunks_exact(4).map(|b| u32::from_ne_bytes(b.try_into().unwrap())));
+        let map = texels(asset.results(), tile, FetchKind::Redirection, [100; 2], [0.0f32; 2]);
+        all.extend(map.as_flattened().iter().map(|x| x.to_bits()));
     }
     all
 }
@@ -304,8 +296,7 @@ fn a_tile_follows_the_maps_of_its_neighbour() {
     let before = solve(&mut asset);
     let saved = asset.save_tile(0).unwrap();
     let elastic = vec![0u8; 1024 * 1024];
-    let image =
-        |bytes| ImageView::new("map", bytes, ImageLayout::packed(1024, 1024, PixelFormat::U8)).unwrap();
+    let image = |bytes| view(bytes, 1024, 1024);
     asset.set_rigidity(1, Some(image(&elastic))).unwrap();
     let alone = solve(&mut asset);
     assert!(before != alone, "the first tile does not see the second one's map");
@@ -369,11 +360,7 @@ fn redirections_end_where_the_gutter_does() {
     let mut asset = with(&model, &cpu(2), 256, Seams::Continue);
     asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
     assert_eq!(asset.tile_report(0).unwrap().texels_limited, 0, "before the first image");
-    let mut bytes = vec![0; 8 << 20];
-    let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(1024, 1024, PixelFormat::F32) };
-    let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
-    asset.results().fetch_dilation(0, 0.03, &mut image).unwrap();
-    let shown = vrtm_testkit::floats(&bytes);
+    let shown = dilation(&asset, 0, 0.03, 1024, [0.0f32; 2]);
     for size in [256u32, 500, 1024] {
         let map = vrtm_testkit::fetch(&mut asset, 0, FetchKind::Redirection, [size, size]);
         let report = asset.tile_report(0).unwrap();
@@ -398,19 +385,17 @@ fn redirections_end_where_the_gutter_does() {
         assert!(over > 0.0015 && over < 0.5 * GUTTER - 1.0 / 1024.0, "{over}");
         assert!(report.texels_limited > 200 && report.max_limit / size as f32 > 0.01, "{report:?}");
         // A part of the image is the same.
-        let mut bytes = vec![0; 8 * 40 * 30];
-        let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(40, 30, PixelFormat::F32) };
-        let image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
+        let mut part = [[0.0f32; 2]; 40 * 30];
+        let image = ImageViewMut::from_texels("image", &mut part, [40, 30]).unwrap();
         let first = [size * 13 / 50 - 20, size / 4];
-        let mut image = image.part_of("image", [size; 2], first).unwrap();
-        asset.fetch(0, FetchKind::Redirection, &mut image).unwrap();
-        for (k, uv) in vrtm_testkit::floats(&bytes).iter().enumerate() {
+        let image = image.with_origin(Origin::Bottom).part_of("image", [size; 2], first);
+        asset.fetch(0, FetchKind::Redirection, &mut image.unwrap()).unwrap();
+        for (k, uv) in part.iter().enumerate() {
             let [x, y] = [first[0] as usize + k % 40, first[1] as usize + k / 40];
             assert_eq!(*uv, map[y * size as usize + x]);
         }
     }
-    let mut uvs = vec![[0.0; 2]; model.uv_indices.len()];
-    asset.corner_uvs(&mut uvs).unwrap();
+    let uvs = corner_uvs(&asset);
     let own = |k: usize| model.uvs[model.uv_indices[k] as usize][0];
     let of_right = || (0..uvs.len()).filter(|&k| f64::from(own(k)) >= right - 1e-6);
     let over = of_right().map(|k| right - f64::from(uvs[k][0])).fold(0.0, f64::max);

@@ -5,6 +5,7 @@
 use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
 use vrtm_testkit::Lab as _;
 use vrtm_testkit::motion::{Spread, length};
+use vrtm_testkit::roughness;
 use vrtm_testkit::scenes::{analytic, arm, creature};
 use vrtm_testkit::{self, Model, bits, gpu, long, on_all_cores};
 
@@ -12,12 +13,6 @@ type Warp = Vec<[f32; 2]>;
 
 fn held(weight: f32) -> SolveOptions {
     SolveOptions { warm: true, temporal_weight: weight, ..SolveOptions::default() }
-}
-
-/// A fraction `t` of the way from rest to the model's first frame.
-fn pose(model: &Model, t: f64) -> Vec<[f64; 3]> {
-    let ends = model.rest.iter().zip(&model.frames[0]);
-    ends.map(|(r, p)| [0, 1, 2].map(|c| f64::from(r[c]) + t * (f64::from(p[c]) - f64::from(r[c])))).collect()
 }
 
 fn solved(asset: &mut Asset, pose: &[[f64; 3]], options: &SolveOptions) -> Warp {
@@ -63,7 +58,7 @@ fn play(model: &Model, options: &SolveOptions, grid: u32, resting: usize) -> (Ve
     for frame in 0..=MOVING + resting {
         let t = 0.8 + 0.1 * frame.min(MOVING) as f64 / MOVING as f64;
         let options = SolveOptions { measure: frame == MOVING, ..*options };
-        warps.push(solved(&mut asset, &pose(model, t), &options));
+        warps.push(solved(&mut asset, &roughness::way(model, 1, t), &options));
         if (1..MOVING).contains(&frame) {
             ms += asset.report().unwrap().total_ms / (MOVING - 1) as f32;
         }
@@ -177,13 +172,13 @@ fn a_weight_alone_changes_nothing() {
 fn the_first_frame_is_held_to_nothing() {
     let model = Model::from(creature());
     let [mut plain, mut first] = [(); 2].map(|()| model.asset(0, 64));
-    let before = solved(&mut plain, &pose(&model, 0.9), &SolveOptions::default());
-    assert!(solved(&mut first, &pose(&model, 0.9), &held(1e6)) == before);
+    let before = solved(&mut plain, &roughness::way(&model, 1, 0.9), &SolveOptions::default());
+    assert!(solved(&mut first, &roughness::way(&model, 1, 0.9), &held(1e6)) == before);
     // The further frames are held the faster, the higher the weight.
     let way = |weight: f32| {
         let mut asset = model.asset(0, 64);
-        solved(&mut asset, &pose(&model, 0.9), &held(weight));
-        distance(&solved(&mut asset, &pose(&model, 0.92), &held(weight)), &before)
+        solved(&mut asset, &roughness::way(&model, 1, 0.9), &held(weight));
+        distance(&solved(&mut asset, &roughness::way(&model, 1, 0.92), &held(weight)), &before)
     };
     let ways = [0.0, 1.0, 10.0, 100.0, 1e4].map(way);
     assert!(ways.windows(2).all(|way| way[1] < 0.25 * way[0]), "{ways:?}");
@@ -199,7 +194,7 @@ fn a_gpu_holds_as_the_cpu_does() {
     // The pose at rest is solved without a GPU, and what comes next is held to it.
     let frames = [(0.6, 0.0), (0.7, 0.0), (0.8, 0.1), (0.9, 1.0), (1.0, 10.0), (0.0, 1.0), (0.6, 1.0)];
     for (t, weight) in frames {
-        let pose = pose(&model, t);
+        let pose = roughness::way(&model, 1, t);
         let [x, y] = [&mut a, &mut b].map(|asset| solved(asset, &pose, &held(weight)));
         let apart = x
             .iter()

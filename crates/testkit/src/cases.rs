@@ -3,8 +3,8 @@
 
 use vrtm::{Asset, Device, Strided};
 
-use crate::features::models;
-use crate::model::{Model, set_grid, view};
+use crate::features::{CASES, models};
+use crate::model::{Model, paint, set_grid};
 
 pub struct Case {
     pub name: String,
@@ -19,25 +19,6 @@ pub struct Case {
     pub poses: [Vec<[f32; 3]>; 2],
 }
 
-/// The frame and the tile of each scene and asset that are measured.
-const CHOSEN: [(&str, usize, u32); 15] = [
-    ("squash", 1, 1001),
-    ("squash to 40 %", 1, 1001),
-    ("bulge", 1, 1001),
-    ("pinch", 1, 1001),
-    ("shear", 1, 1001),
-    ("torus", 1, 1001),
-    ("strips", 1, 1001),
-    ("mug_to_jug", 5, 1001),
-    ("creature", 4, 1001),
-    ("arm", 3, 1002),
-    ("mh_face", 1, 1001),
-    ("spot", 2, 1001),
-    ("cesium_man", 3, 1001),
-    ("fox", 3, 1001),
-    ("ict_inner", 2, 1003),
-];
-
 /// All cases, or those whose names are in `wanted`.
 ///
 /// # Errors
@@ -48,13 +29,18 @@ pub fn cases(wanted: &[String], grid: u32) -> Result<Vec<Case>, String> {
     if let Some(name) = wanted.iter().find(|name| !known(name)) {
         return Err(format!("no scene or asset '{name}'"));
     }
-    let chosen =
-        CHOSEN.iter().filter(|chosen| wanted.is_empty() || wanted.iter().any(|name| name == chosen.0));
-    let case = |&(name, frame, udim): &(&str, usize, u32)| {
+    let is_wanted = |case: &(&str, usize)| wanted.is_empty() || wanted.iter().any(|name| name == case.0);
+    let case = |(name, frame): (&str, usize)| {
         let model = models.iter().find(|model| model.name == name)?;
+        // The tile that is measured; of the head in another frame.
+        let (frame, udim) = match name {
+            "arm" => (frame, 1002),
+            "ict_inner" => (2, 1003),
+            _ => (frame, 1001),
+        };
         Some(Case::new(model.clone(), frame, udim, grid))
     };
-    Ok(chosen.filter_map(case).collect())
+    Ok(CASES.into_iter().filter(is_wanted).filter_map(case).collect())
 }
 
 impl Case {
@@ -76,9 +62,7 @@ impl Case {
         let mut asset = self.model.bare_on(device, Strided::from_f32x3(&self.model.rest));
         let tile = asset.find_tile(self.udim).expect("the tile that was chosen");
         let maps = self.model.maps.iter().find(|maps| maps.udim == self.udim).expect("its maps");
-        let image = |bytes| view(bytes, maps.width, maps.height);
-        asset.set_rigidity(tile, Some(image(&maps.rigidity))).expect("a map of the right size");
-        asset.set_mask(tile, maps.mask.as_ref().map(|mask| image(mask))).expect("a map of the right size");
+        paint(&mut asset, maps);
         set_grid(&mut asset, self.grid);
         (asset, tile)
     }

@@ -13,10 +13,10 @@ use std::collections::HashMap;
 
 use crate::asset::CollarOfChart;
 use crate::asset::Lab as _;
-use vrtm::{Asset, OpenBorders, Seams, SolveOptions, Strided, TileSettings};
+use vrtm::{Asset, OpenBorders, Seams, SolveOptions, Strided};
 
 use crate::files::assets;
-use crate::model::Model;
+use crate::model::{Model, change_all};
 use crate::scenes::{self, TileMaps as Maps};
 use crate::warp::Warp;
 use beyond::Beyond;
@@ -86,10 +86,7 @@ pub type Borders = (Seams, OpenBorders);
 pub const STILL: Borders = (Seams::Shut, OpenBorders::Fixed);
 
 pub fn set_borders(asset: &mut Asset, (seams, open_borders): Borders) {
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    change_all(asset, |settings| (settings.seams, settings.open_borders) = (seams, open_borders));
 }
 
 /// An asset of a model, solved for a pose on a CPU.
@@ -109,10 +106,14 @@ pub fn solve(
 
 /// The features of a model in a pose, with the last result of an asset of it.
 pub fn of_asset(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> Vec<Feature> {
-    let tiles: Vec<usize> = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap()).collect();
-    let warps: Vec<Warp> = tiles.iter().map(|&tile| Warp::of(asset, tile)).collect();
-    let collars: Vec<_> = tiles.iter().map(|&tile| asset.collars(tile).unwrap()).collect();
+    let (warps, collars) = warps(model, asset);
     features(model, pose, &warps, &collars)
+}
+
+/// The warps of a model's maps, in their order, and what lies beyond the seams of their charts.
+fn warps(model: &Model, asset: &Asset) -> (Vec<Warp>, Vec<Vec<CollarOfChart>>) {
+    let tiles = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap());
+    tiles.map(|tile| (Warp::of(asset, tile), asset.collars(tile).unwrap())).unzip()
 }
 
 /// As `of_asset`, but at the texels of the maps in place of the nodes of the grids, which may be much coarser. Charts

@@ -25,13 +25,6 @@ fn folder() -> Option<PathBuf> {
     None
 }
 
-/// Makes the repository's root the present folder, from that of its package, where cargo runs a bench.
-pub fn at_root() {
-    if let Some(package) = std::env::var_os("CARGO_MANIFEST_DIR") {
-        std::env::set_current_dir(Path::new(&package).join("..")).expect("the package lies below the root");
-    }
-}
-
 /// All assets. Empty, with a message, if there is no folder of assets.
 pub fn assets() -> Vec<Model> {
     let Some(folder) = folder() else { return Vec::new() };

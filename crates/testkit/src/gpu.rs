@@ -2,6 +2,8 @@
 
 use vrtm::{AdapterInfo, Backend, Device, DeviceSettings, adapters};
 
+use crate::model::cpu;
+
 /// True if there is an adapter; prints a message if there is none. With VRTM_REQUIRE_GPU=1 there must be one. Without
 /// the feature `gpu` tests leave GPUs alone.
 pub fn has_gpu() -> bool {
@@ -18,6 +20,11 @@ pub fn has_gpu() -> bool {
     found
 }
 
+/// All adapters, if there is one: see `has_gpu`.
+pub fn gpus() -> Option<Vec<AdapterInfo>> {
+    has_gpu().then(adapters)
+}
+
 /// The first adapter with its driver, as `tests/bits.txt` names it.
 pub fn backend(adapter: &AdapterInfo) -> String {
     format!("{}, {}", adapter.name, adapter.driver)
@@ -29,4 +36,28 @@ pub fn gpu(settings: &DeviceSettings) -> Option<Device> {
         return None;
     }
     Some(Device::new(&DeviceSettings { backend: Backend::Gpu, ..settings.clone() }).unwrap())
+}
+
+/// The CPU on all cores, and a GPU if there is one.
+pub fn devices() -> Vec<Device> {
+    std::iter::once(cpu(0)).chain(gpu(&DeviceSettings::default())).collect()
+}
+
+/// Two tests of one check: on the CPU, and on a GPU if there is one. The check gets the device and what stands in
+/// brackets behind the test's name, such as the cells a side that there is time for.
+#[macro_export]
+macro_rules! on_both {
+    ($cpu:ident($($of_cpu:expr),*), $gpu:ident($($of_gpu:expr),*): $check:path) => {
+        #[test]
+        fn $cpu() {
+            $check(&$crate::cpu(0), $($of_cpu),*);
+        }
+
+        #[test]
+        fn $gpu() {
+            if let Some(device) = $crate::gpu(&Default::default()) {
+                $check(&device, $($of_gpu),*);
+            }
+        }
+    };
 }

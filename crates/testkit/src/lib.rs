@@ -6,6 +6,9 @@
 
 // Ordered from the bottom up.
 pub mod long;
+pub mod log;
+pub mod bench;
+pub mod random;
 pub mod scenes;
 pub mod save;
 pub mod reference;
@@ -24,12 +27,13 @@ pub mod table;
 pub mod cases;
 
 pub use asset::{CollarOfChart, CollarTriangleInSpace, Lab, ReferenceMinimum};
-pub use files::{assets, at_root, obj};
-pub use gpu::{backend, gpu, has_gpu};
+pub use files::{assets, obj};
+pub use gpu::{backend, devices, gpu, gpus, has_gpu};
 pub use model::{
-    Model, analytic, bits, cpu, dilation, doubles, fetch, floats, on_all_cores, options, set_grid, view,
+    Model, analytic, bits, change, change_all, corner_uvs, cpu, dilation, doubles, faces, fetch, floats,
+    on_all_cores, options, paint, quads, set_grid, texels, view,
 };
 #[cfg(feature = "gpu")]
 pub use parity::StageDifference;
 pub use scenes::TileMaps as Maps;
-pub use warp::Warp;
+pub use warp::{Warp, barycentric, cross};

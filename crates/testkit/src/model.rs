@@ -1,11 +1,12 @@
 //! Models from scenes and asset folders, solving them, and f64 views of the results that share no code with the
 //! library.
 
+use std::ops::Range;
 use std::panic::resume_unwind;
 
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource,
-    Origin, PixelFormat, Quality, SolveOptions, Strided, TileSettings, UvSource, Weld,
+    Origin, OutputTexel, PixelFormat, Quality, Results, SolveOptions, Strided, TileSettings, UvSource, Weld,
 };
 
 use crate::asset::Lab as _;
@@ -52,13 +53,15 @@ impl Model {
     /// The asset on a given device; every tile has a grid of `grid` by `grid` cells.
     pub fn asset_on(&self, device: &Device, grid: u32) -> Asset {
         let mut asset = self.bare_on(device, Strided::from_f32x3(&self.rest));
-        for maps in &self.maps {
-            let tile = asset.find_tile(maps.udim).expect("a tile of each map");
-            let image = |bytes| view(bytes, maps.width, maps.height);
-            asset.set_rigidity(tile, Some(image(&maps.rigidity))).unwrap();
-            asset.set_mask(tile, maps.mask.as_ref().map(|mask| image(mask))).unwrap();
-        }
+        self.maps.iter().for_each(|maps| paint(&mut asset, maps));
         set_grid(&mut asset, grid);
+        asset
+    }
+
+    /// The asset as `asset_on` makes it, solved for a frame, numbered from 1.
+    pub fn solved(&self, device: &Device, grid: u32, frame: usize, options: &SolveOptions) -> Asset {
+        let mut asset = self.asset_on(device, grid);
+        asset.solve(self.frame(frame), options).unwrap();
         asset
     }
 
@@ -123,13 +126,26 @@ impl Model {
     }
 
     /// The range of corners of each face.
-    pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        let mut end = 0;
-        self.face_counts.iter().map(move |&count| {
-            end += count as usize;
-            end - count as usize..end
-        })
+    pub fn faces(&self) -> impl Iterator<Item = Range<usize>> {
+        faces(&self.face_counts)
     }
+}
+
+/// The range of corners of each face, from the numbers of corners.
+pub fn faces(counts: &[u32]) -> impl Iterator<Item = Range<usize>> {
+    let mut end = 0;
+    counts.iter().map(move |&count| {
+        end += count as usize;
+        end - count as usize..end
+    })
+}
+
+/// Sets the maps of their tile.
+pub fn paint(asset: &mut Asset, maps: &Maps) {
+    let tile = asset.find_tile(maps.udim).expect("a tile of the maps");
+    let image = |bytes| view(bytes, maps.width, maps.height);
+    asset.set_rigidity(tile, Some(image(&maps.rigidity))).unwrap();
+    asset.set_mask(tile, maps.mask.as_ref().map(|mask| image(mask))).unwrap();
 }
 
 /// A CPU device with `threads` threads (0 = one per core).
@@ -154,11 +170,19 @@ pub fn view(bytes: &[u8], width: u32, height: u32) -> ImageView<'_> {
 
 /// Gives every tile a grid of `grid` by `grid` cells, or with 0 one that resolves its features.
 pub fn set_grid(asset: &mut Asset, grid: u32) {
-    for tile in 0..asset.tile_count() {
-        let settings =
-            TileSettings { grid: [(grid > 0).then_some(grid); 2], ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    change_all(asset, |settings| settings.grid = [(grid > 0).then_some(grid); 2]);
+}
+
+/// Changes the settings of a tile.
+pub fn change(asset: &mut Asset, tile: usize, with: impl FnOnce(&mut TileSettings)) {
+    let mut settings = asset.settings(tile).unwrap();
+    with(&mut settings);
+    asset.set_settings(tile, &settings).unwrap();
+}
+
+/// Changes the settings of all tiles.
+pub fn change_all(asset: &mut Asset, with: impl Fn(&mut TileSettings)) {
+    (0..asset.tile_count()).for_each(|tile| change(asset, tile, &with));
 }
 
 /// Default options with another quality.
@@ -168,22 +192,55 @@ pub fn options(quality: Quality) -> SolveOptions {
 
 /// Fetches an output with two f32 channels, first row at v = 0. Texels that the library does not write stay NaN.
 pub fn fetch(asset: &mut Asset, tile: usize, kind: FetchKind, size: [u32; 2]) -> Vec<[f32; 2]> {
-    let nan = f32::NAN.to_ne_bytes();
-    let mut bytes: Vec<u8> = nan.into_iter().cycle().take((size[0] * size[1]) as usize * 8).collect();
-    let layout =
-        ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(size[0], size[1], PixelFormat::F32) };
-    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-    asset.fetch(tile, kind, &mut image).unwrap();
-    floats(&bytes)
+    texels(asset.results(), tile, kind, size, [f32::NAN; 2])
+}
+
+/// Fetches an output in texels that have its channels, first row at v = 0. Those that the library does not write stay
+/// as `blank`.
+pub fn texels<T: OutputTexel + Clone>(
+    results: &Results,
+    tile: usize,
+    kind: FetchKind,
+    size: [u32; 2],
+    blank: T,
+) -> Vec<T> {
+    image(size, blank, |image| results.fetch(tile, kind, image))
 }
 
 /// The dilation of a tile, first row at v = 0.
-pub fn dilation(asset: &Asset, tile: usize, reach: f64, size: u32) -> Vec<[f32; 2]> {
-    let mut bytes = vec![0; (size * size) as usize * 8];
-    let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(size, size, PixelFormat::F32) };
-    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-    asset.results().fetch_dilation(tile, reach, &mut image).unwrap();
-    floats(&bytes)
+pub fn dilation<T: OutputTexel + Clone>(
+    asset: &Asset,
+    tile: usize,
+    reach: f64,
+    size: u32,
+    blank: T,
+) -> Vec<T> {
+    image([size; 2], blank, |image| asset.results().fetch_dilation(tile, reach, image))
+}
+
+fn image<T: OutputTexel + Clone>(
+    size: [u32; 2],
+    blank: T,
+    write: impl FnOnce(&mut ImageViewMut) -> vrtm::Result<()>,
+) -> Vec<T> {
+    let mut texels = vec![blank; (size[0] * size[1]) as usize];
+    let image = ImageViewMut::from_texels("image", &mut texels, size).unwrap();
+    write(&mut image.with_origin(Origin::Bottom)).unwrap();
+    texels
+}
+
+/// The redirected UVs of all corners.
+pub fn corner_uvs(asset: &Asset) -> Vec<[f32; 2]> {
+    let mut uvs = vec![[f32::NAN; 2]; asset.info().corners as usize];
+    asset.corner_uvs(&mut uvs).unwrap();
+    uvs
+}
+
+/// The corners of the quads of a sheet, row by row, whose vertices are those of a lattice, row by row, from `first` on.
+pub fn quads([nx, ny]: [usize; 2], first: usize) -> Vec<u32> {
+    let row = nx + 1;
+    let corner = (0..ny).flat_map(|j| (0..nx).map(move |i| first + j * row + i));
+    corner.flat_map(|a| [a, a + 1, a + row + 1, a + row]).map(|v| v as u32).collect()
 }
 
 /// Reads pairs of f32 in native byte order.

@@ -7,6 +7,7 @@ use vrtm::{Asset, SolveOptions, Strided};
 
 use crate::model::Model;
 use crate::motion::Spread;
+use crate::random::splitmix;
 
 /// Poses along a motion from rest to a frame: 0.92, 0.925 ... 0.955 of the way.
 const START: f64 = 0.92;
@@ -86,7 +87,7 @@ impl Roughness {
 }
 
 /// A part of the motion from rest to a frame, numbered from 1.
-fn way(model: &Model, frame: usize, t: f64) -> Vec<[f64; 3]> {
+pub fn way(model: &Model, frame: usize, t: f64) -> Vec<[f64; 3]> {
     let point = |(r, p): (&[f32; 3], &[f32; 3])| {
         [0, 1, 2].map(|k| f64::from(r[k]) + t * (f64::from(p[k]) - f64::from(r[k])))
     };
@@ -165,14 +166,7 @@ fn with_noise(points: &[[f64; 3]], seed: u64) -> Vec<[f64; 3]> {
     };
     let scale = NOISE * side(0).max(side(1)).max(side(2));
     let mut state = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    // SplitMix64, and the sum of twelve uniform numbers in place of a normal one.
-    let mut uniform = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    };
-    let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+    // The sum of twelve uniform numbers in place of a normal one.
+    let mut normal = || (0..12).map(|_| splitmix(&mut state)).sum::<f64>() - 6.0;
     points.iter().map(|p| p.map(|x| x + scale * normal())).collect()
 }

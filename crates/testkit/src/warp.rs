@@ -62,9 +62,6 @@ impl Warp {
 
     /// The smallest corner Jacobian of all cells of the tile.
     pub fn min_jacobian(&self) -> f64 {
-        let cross = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
-            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        };
         let mut least = f64::INFINITY;
         for j in 0..self.ny {
             for i in 0..self.nx {
@@ -114,6 +111,16 @@ impl Warp {
             }
         }
     }
+}
+
+/// Twice the area of a triangle; negative if its corners are in clockwise order.
+pub fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+pub fn barycentric(&[a, b, c]: &[[f64; 2]; 3], at: [f64; 2]) -> [f64; 3] {
+    let all = cross(a, b, c);
+    [cross(at, b, c) / all, cross(a, at, c) / all, cross(a, b, at) / all]
 }
 
 /// True if a point lies to the left of a directed line, after a shift by (ε, ε²).

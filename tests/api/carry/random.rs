@@ -2,20 +2,9 @@
 //! an image, looks triangles up one by one, and knows of features only that they are rigid.
 
 use super::sheet::{All, Layout, P2, P3, Sheet, by_uv, disc, distance, fetch, solve, turned, uv};
-use vrtm::{FetchKind, Fit, ImageViewMut, Seams, TileSettings};
-
-struct Draw(u64);
-
-impl Draw {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn of(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.next()
-    }
-}
+use vrtm::{FetchKind, Fit, Seams, TileSettings};
+use vrtm_testkit::random::Random;
+use vrtm_testkit::{Warp, barycentric, texels};
 
 /// Models drawn by a run of the suite; `VRTM_RANDOM_CASES` draws more.
 const CASES: u64 = 300;
@@ -36,12 +25,12 @@ fn random_models_agree_with_the_checker() {
 
 /// Draws a model and checks it; returns the largest errors.
 fn check(case: u64) -> [f64; 4] {
-    let mut draw = Draw(case.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678);
-    (0..4).for_each(|_| _ = draw.next());
-    let layout = if draw.next() < 0.3 { Layout::Cut } else { Layout::Whole };
-    let side = 2 * draw.of(1.0, 9.0) as usize;
-    let unit = [1.0, 1e-3, 100.0][draw.of(0.0, 3.0) as usize];
-    let waves: Vec<[f64; 6]> = (0..4).map(|_| std::array::from_fn(|_| draw.of(-1.0, 1.0))).collect();
+    let mut draw = Random(case.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678);
+    (0..4).for_each(|_| _ = draw.part());
+    let layout = if draw.part() < 0.3 { Layout::Cut } else { Layout::Whole };
+    let side = 2 * draw.between(1.0, 9.0) as usize;
+    let unit = [1.0, 1e-3, 100.0][draw.between(0.0, 3.0) as usize];
+    let waves: Vec<[f64; 6]> = (0..4).map(|_| std::array::from_fn(|_| draw.between(-1.0, 1.0))).collect();
     let wave = move |[x, y]: P2, k: usize, size: f64| {
         let [a, b, c, d, e, f] = waves[k];
         size * ((3.0 * a * x + 3.0 * b * y + c).sin() + d * x * y + e * x * x + f * y * y)
@@ -50,20 +39,20 @@ fn check(case: u64) -> [f64; 4] {
     let rest = |p: P2| -> P3 {
         [p[0] + wave(p, 0, 0.05), p[1] + wave(p, 1, 0.05), wave(p, 2, 0.2)].map(|x| unit * x)
     };
-    let strength = draw.of(0.0, 0.3);
+    let strength = draw.between(0.0, 0.3);
     let pose_of = |p: P2| -> P3 {
         let q = [p[0] + wave(p, 3, strength), p[1] + wave([p[1], p[0]], 1, strength), wave(p, 0, 0.3)];
         [q[2], q[0], q[1] + 1.0].map(|x| unit * x)
     };
     let sheet = Sheet::new(side, layout, rest);
-    let centre = [draw.of(0.2, 0.8), draw.of(0.2, 0.8)];
-    let radius = draw.of(0.05, 0.3);
+    let centre = [draw.between(0.2, 0.8), draw.between(0.2, 0.8)];
+    let radius = draw.between(0.05, 0.3);
     let rigid = disc(centre, radius);
-    let grid = 16 * draw.of(1.0, 5.0) as u32;
+    let grid = 16 * draw.between(1.0, 5.0) as u32;
     let mut asset = sheet.asset(1 + case as u32 % 2, grid, rigid, TileSettings::default());
-    let points: Vec<P2> = (0..60).map(|_| [draw.next(), draw.next()]).collect();
+    let points: Vec<P2> = (0..60).map(|_| [draw.part(), draw.part()]).collect();
     let uvs: Vec<P2> = points.iter().map(|p| uv(layout, *p, p[0] > 0.5)).collect();
-    let heights: Vec<f64> = points.iter().map(|_| unit * draw.of(-0.1, 0.1)).collect();
+    let heights: Vec<f64> = points.iter().map(|_| unit * draw.between(-0.1, 0.1)).collect();
     let surface = by_uv(&asset, &uvs, Some(&heights), Fit::Surface, 0);
     let on_surface = by_uv(&asset, &uvs, None, Fit::Surface, 0);
     let body = by_uv(&asset, &uvs, Some(&heights), Fit::Feature, 0);
@@ -75,11 +64,14 @@ fn check(case: u64) -> [f64; 4] {
     let mut worst = [0.0f64; 4];
 
     // The base is f_pose(W(p)), looked up by hand; UVs are W(p).
-    let warp = Warp::of(&asset, grid as usize);
+    let warp = warp(&asset, grid as usize);
     for (k, at) in uvs.iter().enumerate() {
-        let to = warp.at(*at);
+        let to = warp.at(at.map(|x| x * f64::from(grid))).map(|x| x / f64::from(grid));
         let (base, depth) = under(&sheet, &pose, to, points[k][0] > 0.5);
-        let errors = [distance(on_surface.positions[k], base) / unit, distance3(on_surface.uvs[k], to)];
+        let errors = [
+            distance(on_surface.positions[k], base) / unit,
+            (on_surface.uvs[k][0] - to[0]).hypot(on_surface.uvs[k][1] - to[1]),
+        ];
         (worst[0], worst[1]) = (worst[0].max(errors[0]), worst[1].max(errors[1]));
         // Nodes and the warp's image are f32, and the mesh's UVs are too.
         assert!(depth > -1e-5, "case {case}, {k}: the warp leads out of the chart by {depth}");
@@ -111,10 +103,6 @@ fn check(case: u64) -> [f64; 4] {
     worst
 }
 
-fn distance3(a: P2, b: P2) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
-
 /// Largest distance of the matrices from rotations; never a reflection.
 fn rotations(all: &All, case: u64) -> f64 {
     let mut worst: f64 = 0.0;
@@ -133,34 +121,14 @@ fn rotations(all: &All, case: u64) -> f64 {
     worst
 }
 
-/// The warp as an image with a texel for each node.
-struct Warp {
-    cells: usize,
-    to: Vec<P2>,
-}
-
-impl Warp {
-    fn of(asset: &vrtm::Asset, cells: usize) -> Warp {
-        let size = cells + 1;
-        let mut texels = vec![[0.0f32; 2]; size * size];
-        let mut image = ImageViewMut::from_texels("image", &mut texels, [size as u32; 2]).unwrap();
-        asset.fetch(0, FetchKind::Warp, &mut image).unwrap();
-        let to = (0..size * size)
-            .map(|k| texels[(size - 1 - k / size) * size + k % size].map(f64::from))
-            .collect();
-        Warp { cells, to }
-    }
-
-    fn at(&self, uv: P2) -> P2 {
-        let n = self.cells as f64;
-        let cell = uv.map(|x| (x * n).floor().clamp(0.0, n - 1.0));
-        let (s, t) = (uv[0] * n - cell[0], uv[1] * n - cell[1]);
-        let get =
-            |i: usize, j: usize| self.to[(cell[1] as usize + j) * (self.cells + 1) + cell[0] as usize + i];
-        let (near, far) = (get(0, 0), get(1, 1));
-        let (third, a, b) = if s >= t { (get(1, 0), s, t) } else { (get(0, 1), t, s) };
-        [0, 1].map(|k| near[k] + a * (third[k] - near[k]) + b * (far[k] - third[k]))
-    }
+/// The warp, from an image with a texel for each node.
+fn warp(asset: &vrtm::Asset, cells: usize) -> Warp {
+    let nodes = texels(asset.results(), 0, FetchKind::Warp, [cells as u32 + 1; 2], [0.0f32; 2]);
+    let displacement = |(k, uv): (usize, [f32; 2])| {
+        let at = [k % (cells + 1), k / (cells + 1)];
+        [0, 1].map(|c| (f64::from(uv[c]) * cells as f64 - at[c] as f64) as f32)
+    };
+    Warp { nx: cells, ny: cells, u: nodes.into_iter().enumerate().map(displacement).collect() }
 }
 
 /// The place of a UV of a chart in the pose, by the triangle of the sheet that contains it best, and how deep it lies
@@ -173,10 +141,7 @@ fn under(sheet: &Sheet, pose: &[P3], at: P2, right: bool) -> (P3, f64) {
         }
         for of in [[0, 1, 2], [0, 2, 3]] {
             let corners = of.map(|k| 4 * face + k);
-            let [a, b, c] = corners.map(|k| sheet.uvs[k].map(f64::from));
-            let cross = |p: P2, q: P2, r: P2| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
-            let whole = cross(a, b, c);
-            let l = [cross(at, b, c) / whole, cross(a, at, c) / whole, cross(a, b, at) / whole];
+            let l = barycentric(&corners.map(|k| sheet.uvs[k].map(f64::from)), at);
             let depth = l.iter().copied().fold(f64::INFINITY, f64::min);
             if depth > best.1 {
                 let p = corners.map(|k| pose[sheet.indices[k] as usize]);

@@ -2,9 +2,10 @@
 //! it.
 
 use vrtm::{
-    Asset, Backend, Bind, Carried, Carrier, CarrierSettings, Device, DeviceSettings, FetchKind, Fit,
-    ImageView, ImageViewMut, MeshSource, SolveOptions, Strided, StridedMut, TileSettings, UvSource,
+    Asset, Bind, Carried, Carrier, CarrierSettings, FetchKind, Fit, ImageView, MeshSource, SolveOptions,
+    Strided, StridedMut, TileSettings, UvSource,
 };
+use vrtm_testkit::{cpu, texels};
 
 pub type P2 = [f64; 2];
 pub type P3 = [f64; 3];
@@ -107,11 +108,6 @@ impl Sheet {
         rigidity: impl Fn(P2) -> f64,
         settings: TileSettings,
     ) -> Asset {
-        let device = Device::new(&DeviceSettings {
-            backend: Backend::Cpu,
-            threads: std::num::NonZeroU32::new(threads),
-            ..DeviceSettings::default()
-        });
         let dot = vec![[0.5f32, 0.5]; self.uvs.len()];
         let of_set = |uvs| UvSource { u: Strided::from_f32x2(uvs), ..UvSource::default() };
         let second = [of_set(&self.uvs)];
@@ -126,7 +122,7 @@ impl Sheet {
             max_layers: if self.layout == Layout::Stacked { 2 } else { 0 },
             ..MeshSource::default()
         };
-        let mut asset = Asset::new(&device.unwrap(), &source).unwrap();
+        let mut asset = Asset::new(&cpu(threads), &source).unwrap();
         let size = 4 * grid;
         let texel = |k: u32| {
             let at = [k % size, k / size].map(|n| (f64::from(n) + 0.5) / f64::from(size));
@@ -205,11 +201,8 @@ pub fn solve(asset: &mut Asset, pose: &[P3]) {
 
 /// The redirection map of a tile: UVs at the centres of texels, from v = 0.
 pub fn map(asset: &Asset, tile: usize, size: usize) -> Vec<P2> {
-    let mut texels = vec![[0.0f32; 2]; size * size];
-    let mut image = ImageViewMut::from_texels("image", &mut texels, [size as u32; 2]).unwrap();
-    asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
-    let row = |j: usize| texels[(size - 1 - j) * size..(size - j) * size].iter().map(|uv| uv.map(f64::from));
-    (0..size).flat_map(row).collect()
+    let uvs = texels(asset.results(), tile, FetchKind::Redirection, [size as u32; 2], [0.0f32; 2]);
+    uvs.into_iter().map(|uv| uv.map(f64::from)).collect()
 }
 
 pub fn distance(a: P3, b: P3) -> f64 {

@@ -5,7 +5,9 @@ mod stacks;
 
 use stacks::{DEPTH, GRID, Island, Random, SIDE, Stack};
 use vrtm::{Asset, ErrorKind, FetchKind, Seams, SolveOptions, StrainReport, TileSettings};
-use vrtm_testkit::{self, Model, bits, cpu, fetch, long, on_all_cores, scenes};
+use vrtm_testkit::{
+    self, Model, bits, change_all, corner_uvs, cpu, cross, fetch, long, on_all_cores, quads, scenes,
+};
 
 const MOST: u32 = 32;
 
@@ -50,10 +52,7 @@ fn check_one_to_one(asset: &mut Asset, tile: usize) -> Result<(), String> {
     let at = |i: usize, j: usize| warp[j * nodes + i].map(f64::from);
     for (i, j) in (0..nodes - 1).flat_map(|j| (0..nodes - 1).map(move |i| (i, j))) {
         let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-        let area = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
-            (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-        };
-        if area(a, b, c) <= 0.0 || area(a, c, d) <= 0.0 {
+        if cross(a, b, c) <= 0.0 || cross(a, c, d) <= 0.0 {
             return Err(format!("tile {tile} folds at {i}, {j}"));
         }
     }
@@ -71,8 +70,7 @@ fn check(seed: u64) -> Result<usize, String> {
     for tile in 0..asset.tile_count() {
         check_one_to_one(&mut asset, tile)?;
     }
-    let mut uvs = vec![[0.0; 2]; stack.indices.len()];
-    asset.corner_uvs(&mut uvs).unwrap();
+    let uvs = corner_uvs(&asset);
     let mut moved = 0;
     for (k, island) in stack.islands.iter().enumerate() {
         let beside: Vec<&Island> = (0..stack.islands.len())
@@ -88,8 +86,7 @@ fn check(seed: u64) -> Result<usize, String> {
         let equal = |a: &[f32; 2], b: &[f32; 2]| (0..2).all(|c| (a[c] - b[c]).abs() <= tolerance);
         let mut alone = stack.asset(&device, 0, Some(k));
         alone.solve(stack.positions(), &SolveOptions::default()).unwrap();
-        let mut expected = vec![[0.0; 2]; uvs.len()];
-        alone.corner_uvs(&mut expected).unwrap();
+        let expected = corner_uvs(&alone);
         let faces = stack.faces(k);
         let corners = 4 * faces.start..4 * faces.end;
         if !corners.clone().all(|c| equal(&uvs[c], &expected[c])) {
@@ -234,12 +231,8 @@ fn a_chart_that_lies_over_itself_stays_there() {
             uvs.push([0.5 + radius * angle.cos(), 0.5 + radius * angle.sin()].map(|x| x as f32));
         }
     }
-    for k in 0..TURNS {
-        for j in 0..SIDE {
-            let at = |k: usize, j: usize| (k * (SIDE + 1) + j) as u32;
-            indices.extend([at(k, j), at(k + 1, j), at(k + 1, j + 1), at(k, j + 1)]);
-        }
-    }
+    // Along the strip first, then outward.
+    indices.extend(quads([SIDE, TURNS], 0).chunks_exact(4).flat_map(|q| [q[0], q[3], q[2], q[1]]));
     (stack.rest, stack.pose, stack.uvs, stack.indices) = (rest, pose, uvs, indices);
     let mut asset = stack.asset(&cpu(2), MOST, None);
     let info = asset.tile_info(0).unwrap();
@@ -261,8 +254,7 @@ fn unique_layouts_have_one_layer_and_the_same_bits() {
         let mut model = Model::from(scenes::by_name(scene).unwrap());
         let [alone, layered] = [0, MOST].map(|most| {
             model.max_layers = most;
-            let mut asset = model.asset(2, 64);
-            asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+            let mut asset = model.solved(&cpu(2), 64, 1, &SolveOptions::default());
             (asset.tile_count(), bits(&asset), asset.saved_tile_size(0).unwrap())
         });
         assert!(alone == layered, "{scene}");
@@ -318,10 +310,7 @@ fn a_layer_is_what_a_tile_of_its_own_would_be() {
         let [layered, apart] = [(&stack, MOST), (&apart, 0)].map(|(stack, most)| {
             let mut asset = stack.asset(&cpu(2), most, None);
             assert_eq!(asset.tile_count(), 2);
-            for tile in 0..2 {
-                let settings = TileSettings { seams, seam_reach: 0.1, ..asset.settings(tile).unwrap() };
-                asset.set_settings(tile, &settings).unwrap();
-            }
+            change_all(&mut asset, |settings| (settings.seams, settings.seam_reach) = (seams, 0.1));
             asset
                 .solve(stack.positions(), &SolveOptions { measure: true, ..SolveOptions::default() })
                 .unwrap();
@@ -351,16 +340,12 @@ fn nothing_leads_beyond_a_border_into_a_chart_of_another_layer() {
                 - 0.25 * (-9.0 * (rest[0] + 0.2).powi(2)).exp();
         }
         let mut asset = stack.asset(&cpu(2), MOST, None);
-        for tile in 0..2 {
-            let seams = Seams::Continue;
-            let settings = TileSettings { seams, seam_reach: 0.1, ..asset.settings(tile).unwrap() };
-            asset.set_settings(tile, &settings).unwrap();
-        }
+        change_all(&mut asset, |settings| (settings.seams, settings.seam_reach) = (Seams::Continue, 0.1));
         asset.solve(stack.positions(), &SolveOptions::default()).unwrap();
         let redirected = fetch(&mut asset, 0, FetchKind::Redirection, [256; 2]);
         let in_chart = |n: &usize| (65..217).contains(&(n % 256)) && (27..230).contains(&(n / 256));
         let all = (0..redirected.len()).filter(in_chart).map(|n| redirected[n][0]);
-        let dilated = vrtm_testkit::dilation(&asset, 0, 0.1, 256);
+        let dilated = vrtm_testkit::dilation(&asset, 0, 0.1, 256, [0.0f32; 2]);
         let own = |n: usize| (dilated[n][0] - (n % 256) as f32 / 256.0 - 0.5 / 256.0).abs() < 1e-6;
         // A few texels beyond the border, at half of its height.
         let beside = (40..62).all(|x| own(128 * 256 + x));

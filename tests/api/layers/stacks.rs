@@ -4,7 +4,7 @@
 
 use vrtm::{Asset, Device, MeshSource, Strided, TileSettings, UvSource};
 
-use vrtm_testkit::view;
+use vrtm_testkit::{quads, view};
 
 /// Squares along a side of an island.
 pub const SIDE: usize = 6;
@@ -130,7 +130,7 @@ impl Stack {
     pub fn of(islands: Vec<Island>, random: &mut Random) -> Stack {
         let (mut rest, mut pose, mut uvs, mut indices) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (k, island) in islands.iter().enumerate() {
-            let first = rest.len() as u32;
+            let first = rest.len();
             let waves: [f64; 6] = std::array::from_fn(|_| random.in_range(-1.0, 1.0));
             for j in 0..=SIDE {
                 for i in 0..=SIDE {
@@ -146,12 +146,7 @@ impl Stack {
                     uvs.push(island.uv([s, t]).map(|x| x as f32));
                 }
             }
-            for j in 0..SIDE {
-                for i in 0..SIDE {
-                    let at = |i: usize, j: usize| first + (j * (SIDE + 1) + i) as u32;
-                    indices.extend([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
-                }
-            }
+            indices.extend(quads([SIDE; 2], first));
         }
         let size = MAP as usize;
         let mut rigidity = vec![0; size * size];

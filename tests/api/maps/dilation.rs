@@ -4,22 +4,11 @@
 
 use std::collections::HashMap;
 
-use vrtm::{Asset, ErrorKind, ImageLayout, ImageViewMut, Origin, PixelFormat, Strided};
-use vrtm_testkit::{Model, assets, cpu, on_all_cores, scenes};
+use vrtm::{ErrorKind, ImageLayout, ImageViewMut, PixelFormat, Strided};
+use vrtm_testkit::{Model, assets, barycentric, cpu, dilation, on_all_cores, scenes};
 
 const SIZE: usize = 1024;
 const REACH: f64 = 1.0 / 32.0;
-
-/// The dilation of a tile, first row at v = 0: u, v, 0 and whether they are known.
-fn dilation(asset: &Asset, tile: usize, reach: f64) -> Vec<[f32; 4]> {
-    let mut bytes = vec![0xff; SIZE * SIZE * 16];
-    let layout = ImageLayout::packed(SIZE as u32, SIZE as u32, PixelFormat::F32).with_channels(4);
-    let layout = ImageLayout { origin: Origin::Bottom, ..layout };
-    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-    asset.results().fetch_dilation(tile, reach, &mut image).unwrap();
-    let number = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
-    bytes.chunks_exact(16).map(|t| [0, 4, 8, 12].map(|k| number(&t[k..]))).collect()
-}
 
 /// A face corner's vertex and UV.
 type Corner = (u32, [f64; 2]);
@@ -108,7 +97,9 @@ impl Painted {
         for tile in 0..asset.tile_count() {
             let tile_udim = asset.results().tile_udim(tile).0;
             let origin = [(tile_udim - 1001) % 10, (tile_udim - 1001) / 10].map(f64::from);
-            for (n, [u, v, zero, known]) in dilation(&asset, tile, reach).into_iter().enumerate() {
+            // u, v, 0 and whether they are known.
+            let texels = dilation(&asset, tile, reach, SIZE as u32, [f32::NAN; 4]);
+            for (n, [u, v, zero, known]) in texels.into_iter().enumerate() {
                 let covered = before[&tile_udim][n].is_some();
                 let own = [n % SIZE, n / SIZE].map(|x| (x as f64 + 0.5) / SIZE as f64);
                 let own = [0, 1].map(|k| (own[k] + origin[k]) as f32);
@@ -161,21 +152,14 @@ fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
     (0..3).map(|c| (p[c] - q[c]).powi(2)).sum::<f64>().sqrt()
 }
 
-fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
-
 fn paint(texture: &mut Texture, at: [[f64; 2]; 3], p: [[f64; 3]; 3]) {
-    let whole = cross(at[0], at[1], at[2]);
     let span = |k: usize| {
         let of = |f: fn(f64, f64) -> f64| at.iter().map(|a| a[k]).reduce(f).unwrap();
         of(f64::min).ceil().max(0.0) as usize..=(of(f64::max).floor().max(0.0) as usize).min(SIZE - 1)
     };
     for y in span(1) {
         for x in span(0) {
-            let here = [x as f64, y as f64];
-            let w = [cross(here, at[1], at[2]), cross(at[0], here, at[2]), cross(at[0], at[1], here)];
-            let w = w.map(|w| w / whole);
+            let w = barycentric(&at, [x as f64, y as f64]);
             if w.iter().all(|&w| w >= 0.0) {
                 texture[y * SIZE + x] =
                     Some([0, 1, 2].map(|c| w[0] * p[0][c] + w[1] * p[1][c] + w[2] * p[2][c]));

@@ -3,7 +3,7 @@
 use vrtm::{Backend, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageViewMut, PixelFormat};
 
 use super::{map, pairs, solved};
-use vrtm_testkit::{Model, Warp, cpu, gpu, scenes};
+use vrtm_testkit::{Model, Warp, change, cpu, gpu, scenes};
 
 /// A size that divides nothing.
 const SIZE: [u32; 2] = [301, 190];
@@ -26,6 +26,9 @@ fn the_forms_tell_the_same_in_each_tile() {
                 // Each is rounded to f32 once, below 2.
                 assert!((among[c] - origin[c] - within[k][c]).abs() < 1.3e-7, "{udim} {k}");
                 assert!((among[c] - origin[c] - centre(k)[c] - delta[k][c]).abs() < 1.3e-7, "{udim} {k}");
+                // Far less than half a unit in the last place of 1.
+                let off = within[k][c] - centre(k)[c] - delta[k][c];
+                assert!(off.abs() < 2.0 * f64::from(f32::EPSILON) / 4.0, "{udim} {k}: {off}");
             }
             moved += usize::from(delta[k] != [0.0; 2]);
         }
@@ -124,8 +127,7 @@ fn the_jacobian_inverts_that_of_the_warp() {
     // A grid whose cells are no squares of the tile.
     let model = Model::from(scenes::mug_to_jug());
     let mut asset = model.asset(0, 256);
-    let settings = vrtm::TileSettings { grid: [Some(320), Some(192)], ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    change(&mut asset, 0, |settings| settings.grid = [Some(320), Some(192)]);
     asset.solve(model.frame(5), &vrtm::SolveOptions::default()).unwrap();
     let warp = Warp::of(&asset, 0);
     let redirected = pairs(&map(&asset, 0, FetchKind::Redirection, SIZE, 2));

@@ -10,9 +10,7 @@ use vrtm_testkit::Model;
 
 /// A solved asset with a grid of 256 x 256 cells.
 fn solved(model: &Model, device: &Device) -> Asset {
-    let mut asset = model.asset_on(device, 256);
-    asset.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
-    asset
+    model.solved(device, 256, model.frames.len(), &SolveOptions::default())
 }
 
 /// Fetches a packed map of a tile of f32, first row at v = 0; what the library does not write is NaN.

@@ -20,14 +20,18 @@ fn solve(model: &Model, asset: &mut Asset, frame: usize) {
     asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
 }
 
+/// A solved asset.
+fn solved(model: &Model, grid: u32, frame: usize) -> Asset {
+    model.solved(&vrtm_testkit::cpu(0), grid, frame, &SolveOptions::default())
+}
+
 fn with(tolerance: f64) -> RefinementSettings {
     RefinementSettings { tolerance, ..RefinementSettings::default() }
 }
 
 /// Refines a frame and checks everything.
 fn check(model: &Model, grid: u32, frame: usize, tolerance: f64) {
-    let mut asset = model.asset(0, grid);
-    solve(model, &mut asset, frame);
+    let mut asset = solved(model, grid, frame);
     let refinement = asset.refine(&with(tolerance)).unwrap();
     let info = refinement.info();
     let refined = Refined::of(&refinement);
@@ -79,8 +83,7 @@ fn real_meshes() {
 #[test]
 fn a_shot_has_one_topology() {
     for model in vrtm_testkit::assets().into_iter().filter(|model| model.name == "mh_face") {
-        let mut asset = model.asset(0, 256);
-        solve(&model, &mut asset, 1);
+        let mut asset = solved(&model, 256, 1);
         let mut refinement = asset.refine(&RefinementSettings::default()).unwrap();
         let first = Refined::of(&refinement);
         for frame in 2..=model.frames.len() {
@@ -149,8 +152,7 @@ fn nothing_moves() {
 #[test]
 fn a_limit_goes_to_the_largest_errors() {
     let model = scene("mug_to_jug");
-    let mut asset = model.asset(0, 128);
-    solve(&model, &mut asset, 5);
+    let asset = solved(&model, 128, 5);
     let base: u64 = model.faces().map(|face| face.len() as u64 - 2).sum();
     let refine = |max_triangles| {
         let settings = RefinementSettings { max_triangles, ..with(1e-4) };
@@ -171,15 +173,9 @@ fn a_limit_goes_to_the_largest_errors() {
         last = info.error;
         let refined = Refined::of(&refinement);
         refined.check_conforming(&model, |v| v);
-        let (error, _) = truth::largest_error(&mut model_asset(&model), &refined, 512);
+        let (error, _) = truth::largest_error(&mut solved(&model, 128, 5), &refined, 512);
         assert!(error <= info.error + ROUNDING && error >= 0.5 * info.error, "{error} of {}", info.error);
     }
-}
-
-fn model_asset(model: &Model) -> Asset {
-    let mut asset = model.asset(0, 128);
-    solve(model, &mut asset, 5);
-    asset
 }
 
 #[test]
@@ -264,8 +260,7 @@ fn odd_sheet(doubled: bool) -> (Model, Vec<u32>) {
 fn odd_meshes_have_no_cracks() {
     for doubled in [false, true] {
         let (model, places) = odd_sheet(doubled);
-        let mut asset = model.asset(0, 128);
-        solve(&model, &mut asset, 1);
+        let mut asset = solved(&model, 128, 1);
         let refinement = asset.refine(&with(1e-3)).unwrap();
         let refined = Refined::of(&refinement);
         let info = refinement.info();
@@ -322,8 +317,7 @@ fn wrong_arguments_are_named() {
 #[test]
 fn it_outlives_the_asset() {
     let model = scene("bulge");
-    let mut asset = model.asset(0, 64);
-    solve(&model, &mut asset, 1);
+    let mut asset = solved(&model, 64, 1);
     let mut refinement = asset.refine(&with(1e-3)).unwrap();
     let before = Refined::of(&refinement);
     assert!(before.face_counts.len() > model.face_counts.len());
@@ -348,8 +342,7 @@ fn strain_comes_down_to_that_by_the_map() {
             "spot" | "cesium_man" => 2,
             _ => continue,
         };
-        let mut asset = model.asset(0, 512);
-        solve(&model, &mut asset, frame);
+        let asset = solved(&model, 512, frame);
         let warp = vrtm_testkit::Warp::of(&asset, 0);
         let measured = strain::Measured::new(&model, frame, &asset, &warp);
         let (before, corners) = (measured.before(), measured.by_corners());

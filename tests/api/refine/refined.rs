@@ -52,11 +52,7 @@ impl Refined {
 
     /// The corners of each face.
     pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        let mut end = 0;
-        self.face_counts.iter().map(move |&count| {
-            end += count as usize;
-            end - count as usize..end
-        })
+        vrtm_testkit::faces(&self.face_counts)
     }
 
     /// Positions of all vertices, from those of the mesh.
@@ -207,8 +203,7 @@ impl Refined {
 
     /// Corners of the mesh have the redirected UVs that the asset tells.
     pub fn check_corners(&self, model: &Model, asset: &Asset) {
-        let mut own = vec![[0.0; 2]; model.indices.len()];
-        asset.corner_uvs(&mut own).unwrap();
+        let own = vrtm_testkit::corner_uvs(asset);
         let mut seen = 0;
         for (c, weights) in self.corner_weights.iter().enumerate() {
             if weights[0] == 1.0 {

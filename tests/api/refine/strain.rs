@@ -7,7 +7,7 @@ use vrtm::{Asset, RefinementSettings};
 
 use super::refined::Refined;
 use super::truth::visit;
-use vrtm_testkit::{Model, Warp};
+use vrtm_testkit::{Model, Warp, barycentric};
 
 /// Place in space and chart of each texel centre of the texture. `None` if nothing shows it.
 type Places = Vec<Option<([f64; 3], u32)>>;
@@ -169,12 +169,7 @@ impl<'a> Locator<'a> {
         let [x, y] = uv.map(|x| ((x * SQUARES as f64) as usize).min(SQUARES - 1));
         let whole = &self.of.whole;
         let inside = self.squares[y * SQUARES + x].iter().filter(|t| t.1 == chart).map(|(triangle, _)| {
-            let [a, b, c] = triangle.map(|c| whole.uvs[c].map(f64::from));
-            let cross = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
-                (q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1])
-            };
-            let area = cross(a, b, c);
-            let l = [cross(b, c, uv) / area, cross(c, a, uv) / area, cross(a, b, uv) / area];
+            let l = barycentric(&triangle.map(|c| whole.uvs[c].map(f64::from)), uv);
             (l.into_iter().fold(f64::INFINITY, f64::min), triangle, l)
         });
         let best = inside.filter(|one| one.0 > -0.01).max_by(|p, q| p.0.total_cmp(&q.0))?;

@@ -3,6 +3,7 @@
 use vrtm::{Asset, FetchKind};
 
 use super::refined::Refined;
+use vrtm_testkit::{barycentric, cross};
 
 /// The largest error at the texel centres of maps of `size` x `size` texels, over all tiles and both ways to cut a quad
 /// into triangles, and the number of texels compared.
@@ -38,11 +39,8 @@ pub fn largest_error(asset: &mut Asset, refined: &Refined, size: usize) -> (f64,
 
 /// Calls `f(x, y, barycentric coordinates)` for the texels whose centre lies in a triangle.
 pub fn visit(at: [[f64; 2]; 3], size: usize, mut f: impl FnMut(usize, usize, [f64; 3])) {
-    let [a, b, c] = at.map(|uv| uv.map(|x| x * size as f64 - 0.5));
-    let cross =
-        |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1]);
-    let area = cross(a, b, c);
-    if area == 0.0 {
+    let corners @ [a, b, c] = at.map(|uv| uv.map(|x| x * size as f64 - 0.5));
+    if cross(a, b, c) == 0.0 {
         return;
     }
     let span = |k: usize| {
@@ -52,8 +50,7 @@ pub fn visit(at: [[f64; 2]; 3], size: usize, mut f: impl FnMut(usize, usize, [f6
     };
     for y in span(1) {
         for x in span(0) {
-            let p = [x as f64, y as f64];
-            let l = [cross(b, c, p) / area, cross(c, a, p) / area, cross(a, b, p) / area];
+            let l = barycentric(&corners, [x as f64, y as f64]);
             if l.iter().all(|&l| l >= 0.0) {
                 f(x, y, l);
             }

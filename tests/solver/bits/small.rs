@@ -269,10 +269,7 @@ pub fn outputs(device: &Device) -> Vec<(&'static str, Hash)> {
         ..MeshSource::default()
     };
     let mut asset = Asset::new(device, &source).unwrap();
-    for maps in &model.maps {
-        let tile = asset.find_tile(maps.udim).unwrap();
-        asset.set_rigidity(tile, Some(view(&maps.rigidity, maps.width, maps.height))).unwrap();
-    }
+    model.maps.iter().for_each(|maps| vrtm_testkit::paint(&mut asset, maps));
     for tile in 0..asset.tile_count() {
         let grid = [Some(if tile < 2 { 80 } else { 16 }); 2];
         let settings = TileSettings { grid, seams: Seams::Continue, ..TileSettings::default() };

@@ -1,9 +1,8 @@
 //! A pose that is rest, or rest moved rigidly, gives the identity.
 
-use std::sync::{Arc, Mutex};
+use vrtm::{Device, LogCode, SolveOptions, Strided};
 
-use vrtm::{Asset, Device, DeviceSettings, LogCode, LogEntry, LogLevel, SolveOptions, Strided};
-
+use vrtm_testkit::log::listened;
 use vrtm_testkit::{self, Model, Warp, bits, doubles};
 
 fn models() -> Vec<Model> {
@@ -14,21 +13,14 @@ fn models() -> Vec<Model> {
     vrtm_testkit::long::share(models, 4, "models")
 }
 
-#[test]
-fn rest_is_the_identity_exactly() {
-    rest_is_the_identity(&models(), |model| model.asset(0, 256));
+vrtm_testkit::on_both! {
+    rest_is_the_identity_exactly(256),
+    rest_is_the_identity_exactly_on_a_gpu(64): rest_is_the_identity
 }
 
-#[test]
-fn rest_is_the_identity_exactly_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    rest_is_the_identity(&models(), |model| model.asset_on(&device, 64));
-}
-
-fn rest_is_the_identity(models: &[Model], asset: impl Fn(&Model) -> Asset) {
-    for model in models {
-        let mut asset = asset(model);
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+fn rest_is_the_identity(device: &Device, grid: u32) {
+    for model in models() {
+        let mut asset = model.solved(device, grid, 1, &SolveOptions::default());
         assert!(bits(&asset).iter().any(|u| *u != [0; 2]), "{} does not move", model.name);
         asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
@@ -45,21 +37,15 @@ fn turn(p: [f64; 3]) -> [f64; 3] {
     [p[0], c * p[1] - s * p[2], s * p[1] + c * p[2]]
 }
 
-#[test]
-fn rigid_motions_are_the_identity_even_far_away() {
-    rigid_motions_are_the_identity(&models(), |model| model.asset(0, 256));
+vrtm_testkit::on_both! {
+    rigid_motions_are_the_identity_even_far_away(256),
+    rigid_motions_are_the_identity_even_far_away_on_a_gpu(64): rigid_motions_are_the_identity
 }
 
-#[test]
-fn rigid_motions_are_the_identity_even_far_away_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    rigid_motions_are_the_identity(&models(), |model| model.asset_on(&device, 64));
-}
-
-fn rigid_motions_are_the_identity(models: &[Model], asset: impl Fn(&Model) -> Asset) {
-    for model in models {
+fn rigid_motions_are_the_identity(device: &Device, grid: u32) {
+    for model in models() {
         let rest = doubles(&model.rest);
-        let mut asset = asset(model);
+        let mut asset = model.asset_on(device, grid);
         for distance in [0.0, 1.0, 1e6] {
             let moved: Vec<_> = rest.iter().map(|&p| turn(p).map(|x| x + distance)).collect();
             asset.solve(Strided::from_f64x3(&moved), &SolveOptions::default()).unwrap();
@@ -71,18 +57,12 @@ fn rigid_motions_are_the_identity(models: &[Model], asset: impl Fn(&Model) -> As
     }
 }
 
-#[test]
-fn rest_far_away_is_as_good_as_near() {
-    far_is_as_good_as_near(&models(), &vrtm_testkit::cpu(0), 256);
+vrtm_testkit::on_both! {
+    rest_far_away_is_as_good_as_near(&models(), 256),
+    rest_far_away_is_as_good_as_near_on_a_gpu(&models()[..3], 64): far_is_as_good_as_near
 }
 
-#[test]
-fn rest_far_away_is_as_good_as_near_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    far_is_as_good_as_near(&models()[..3], &device, 64);
-}
-
-fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
+fn far_is_as_good_as_near(device: &Device, models: &[Model], grid: u32) {
     // The whole asset is 1e6 units from the origin: f64 keeps nine digits of a unit there, and the solver starts from
     // these.
     for model in models {
@@ -91,17 +71,12 @@ fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
         };
         let (rest, pose) = (far(&model.rest), far(&model.frames[0]));
         let mut asset = model.bare_on(device, Strided::from_f64x3(&rest));
-        for maps in &model.maps {
-            let tile = asset.find_tile(maps.udim).unwrap();
-            let view = vrtm_testkit::view(&maps.rigidity, maps.width, maps.height);
-            asset.set_rigidity(tile, Some(view)).unwrap();
-        }
+        model.maps.iter().for_each(|maps| vrtm_testkit::paint(&mut asset, maps));
         vrtm_testkit::set_grid(&mut asset, grid);
         asset.solve(Strided::from_f64x3(&rest), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
         asset.solve(Strided::from_f64x3(&pose), &SolveOptions::default()).unwrap();
-        let mut near = model.asset_on(device, grid);
-        near.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let near = model.solved(device, grid, 1, &SolveOptions::default());
         for tile in 0..asset.tile_count() {
             let [a, b] = [&asset, &near].map(|asset| asset.tile_report(tile).unwrap());
             // Rounding may send a crowded chart to another minimum, whose energy is as low, to a per mille or so.
@@ -113,21 +88,13 @@ fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
 
 #[test]
 fn a_rest_mesh_of_one_point_is_the_identity_and_is_warned_of() {
-    let warnings = Arc::new(Mutex::new(Vec::new()));
-    let kept = warnings.clone();
-    let log = move |entry: &LogEntry| {
-        if entry.level == LogLevel::Warning {
-            kept.lock().unwrap().push(entry.code);
-        }
-    };
-    let device =
-        Device::new(&DeviceSettings { log: Some(Arc::new(log)), ..DeviceSettings::default() }).unwrap();
+    let (device, log) = listened();
     let model = Model::from(vrtm_testkit::scenes::mug_to_jug());
     model.bare_on(&device, model.frame(1));
-    assert!(warnings.lock().unwrap().is_empty());
+    assert!(log.warnings().is_empty());
     let point = vec![[1.5f32, -2.0, 3.0]; model.rest.len()];
     let mut asset = model.bare_on(&device, Strided::from_f32x3(&point));
-    assert_eq!(*warnings.lock().unwrap(), [LogCode::RestIsPoint]);
+    assert_eq!(log.warnings(), [(LogCode::RestIsPoint, vec![])]);
     asset.set_vertex_rigidity(Some(Strided::from_f32(&vec![1.0; model.rest.len()]))).unwrap();
     vrtm_testkit::set_grid(&mut asset, 64);
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();

@@ -1,8 +1,6 @@
 //! Masked nodes stay fixed, maps may change between frames, and rigidity per vertex gives the same as a map.
 
-use vrtm::{
-    Device, DeviceSettings, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings,
-};
+use vrtm::{Device, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings};
 
 use vrtm_testkit::{self, Model, Warp, bits, options};
 
@@ -26,23 +24,17 @@ fn masks() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-#[test]
-fn masks_hold_their_nodes() {
-    masks_hold(&vrtm_testkit::cpu(0), &SolveOptions::default());
+vrtm_testkit::on_both! {
+    masks_hold_their_nodes(Quality::Normal),
+    masks_hold_their_nodes_on_a_gpu(Quality::Draft): masks_hold
 }
 
-#[test]
-fn masks_hold_their_nodes_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    masks_hold(&device, &options(Quality::Draft));
-}
-
-fn masks_hold(device: &Device, options: &SolveOptions) {
+fn masks_hold(device: &Device, quality: Quality) {
     let model = Model::from(vrtm_testkit::scenes::analytic::shear(0.5));
     for (name, mask) in masks() {
         let mut asset = model.asset_on(device, N);
         asset.set_mask(0, Some(vrtm_testkit::view(&mask, N, N))).unwrap();
-        asset.solve(model.frame(1), options).unwrap();
+        asset.solve(model.frame(1), &options(quality)).unwrap();
         let warp = Warp::of(&asset, 0);
         let width = N as usize + 1;
         let mut moved = 0;
@@ -65,15 +57,9 @@ fn masks_hold(device: &Device, options: &SolveOptions) {
     }
 }
 
-#[test]
-fn maps_and_settings_change_between_frames() {
-    maps_and_settings_change(&vrtm_testkit::cpu(0), &SolveOptions::default());
-}
-
-#[test]
-fn maps_and_settings_change_between_frames_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    maps_and_settings_change(&device, &options(Quality::Draft));
+vrtm_testkit::on_both! {
+    maps_and_settings_change_between_frames(&options(Quality::Normal)),
+    maps_and_settings_change_between_frames_on_a_gpu(&options(Quality::Draft)): maps_and_settings_change
 }
 
 fn maps_and_settings_change(device: &Device, options: &SolveOptions) {

@@ -1,9 +1,6 @@
 //! A frame's result depends on its inputs alone: not on the number of threads, on earlier solves, or on failed calls.
 
-use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions,
-    Strided,
-};
+use vrtm::{Device, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided};
 use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::{self, Model, bits, fetch, long, options};
@@ -20,8 +17,7 @@ fn models() -> Vec<Model> {
 fn any_number_of_threads() {
     for model in models() {
         let solve = |threads: u32| {
-            let mut asset = model.asset(threads, 256);
-            asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+            let mut asset = model.solved(&vrtm_testkit::cpu(threads), 256, 1, &SolveOptions::default());
             let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [200, 200]);
             let report = asset.tile_report(0).unwrap();
             let redirection: Vec<_> = redirection.iter().map(|uv| uv.map(f32::to_bits)).collect();
@@ -34,29 +30,19 @@ fn any_number_of_threads() {
     }
 }
 
-#[test]
-fn any_order_of_frames() {
-    frames_in_any_order(&models(), |model| model.asset(0, 256));
+vrtm_testkit::on_both! {
+    any_order_of_frames(&models(), 256),
+    any_order_of_frames_on_a_gpu(&models()[..1], 64): frames_in_any_order
 }
 
-#[test]
-fn any_order_of_frames_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    frames_in_any_order(&models()[..1], |model| model.asset_on(&device, 64));
-}
-
-fn frames_in_any_order(models: &[Model], asset: impl Fn(&Model) -> Asset) {
+fn frames_in_any_order(device: &Device, models: &[Model], grid: u32) {
     for model in models.iter().filter(|model| model.frames.len() > 1) {
         // Three frames suffice.
         let count = model.frames.len().min(3);
         let alone: Vec<_> = (1..=count)
-            .map(|frame| {
-                let mut asset = asset(model);
-                asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
-                bits(&asset)
-            })
+            .map(|frame| bits(&model.solved(device, grid, frame, &SolveOptions::default())))
             .collect();
-        let mut asset = asset(model);
+        let mut asset = model.asset_on(device, grid);
         // All frames backwards, then the first one again, then the same frame twice.
         for frame in (1..=count).rev().chain([1, 1]) {
             asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
@@ -70,15 +56,9 @@ fn frames_in_any_order(models: &[Model], asset: impl Fn(&Model) -> Asset) {
     }
 }
 
-#[test]
-fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives() {
-    unchanged_charts_are_reused(|model| model.asset(0, 256));
-}
-
-#[test]
-fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    unchanged_charts_are_reused(|model| model.asset_on(&device, 96));
+vrtm_testkit::on_both! {
+    unchanged_charts_are_reused_and_what_a_fresh_solve_gives(256),
+    unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_a_gpu(96): unchanged_charts_are_reused
 }
 
 /// The creature, and which of its vertices belong to its first leg alone.
@@ -90,7 +70,7 @@ fn creature_and_leg() -> (Model, Vec<bool>) {
     (creature, leg)
 }
 
-fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
+fn unchanged_charts_are_reused(device: &Device, grid: u32) {
     // After frame 1 the creature's first leg alone moves; its other charts keep their results.
     let (mut creature, leg) = creature_and_leg();
     let mut next = creature.frames[0].clone();
@@ -105,8 +85,7 @@ fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
     next.iter_mut().zip(&upper).filter(|(_, upper)| !*upper).for_each(|(p, _)| p[2] *= 1.3);
     arm.frames.push(next);
     for model in [creature, arm] {
-        let mut asset = new(&model);
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let mut asset = model.solved(device, grid, 1, &SolveOptions::default());
         let before = asset.report().unwrap();
         let first = bits(&asset);
         asset.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
@@ -115,8 +94,7 @@ fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
         assert_eq!(report.charts_active, 1, "{}", model.name);
         assert_eq!(report.charts_reused, before.charts_active - 1, "{}", model.name);
         assert!(bits(&asset) != first, "{}", model.name);
-        let mut fresh = new(&model);
-        fresh.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
+        let mut fresh = model.solved(device, grid, model.frames.len(), &SolveOptions::default());
         assert!(bits(&asset) == bits(&fresh), "{}", model.name);
         // The report contains the energies of reused charts, too.
         for tile in 0..asset.tile_count() {
@@ -136,20 +114,14 @@ fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
     }
 }
 
-#[test]
-fn memory_of_older_results_leaves_no_trace() {
-    older_results_leave_no_trace(|model| model.asset(0, 256));
-}
-
-#[test]
-fn memory_of_older_results_leaves_no_trace_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    older_results_leave_no_trace(|model| model.asset_on(&device, 96));
+vrtm_testkit::on_both! {
+    memory_of_older_results_leaves_no_trace(256),
+    memory_of_older_results_leaves_no_trace_on_a_gpu(96): older_results_leave_no_trace
 }
 
 /// Results that were made in memory of results before: after each of them, charts that are not solved are the identity
 /// or what they were, and a solve without time is the identity.
-fn older_results_leave_no_trace(new: impl Fn(&Model) -> Asset) {
+fn older_results_leave_no_trace(device: &Device, grid: u32) {
     let (mut creature, leg) = creature_and_leg();
     // All but the first leg are at rest; then the leg alone is.
     let part = |of_leg: bool| {
@@ -159,16 +131,12 @@ fn older_results_leave_no_trace(new: impl Fn(&Model) -> Asset) {
     let parts = [part(true), part(false)];
     creature.frames.truncate(1);
     creature.frames.extend(parts);
-    let alone = [1, 2, 3].map(|frame| {
-        let mut asset = new(&creature);
-        asset.solve(creature.frame(frame), &SolveOptions::default()).unwrap();
-        bits(&asset)
-    });
+    let alone = [1, 2, 3].map(|frame| bits(&creature.solved(device, grid, frame, &SolveOptions::default())));
     let moved = |bits: &[[u32; 2]]| bits.iter().filter(|u| **u != [0, 0]).count();
     assert!(moved(&alone[1]) > 0 && moved(&alone[1]) < moved(&alone[0]));
     let no_time =
         SolveOptions { time_budget: Some(std::time::Duration::from_nanos(1)), ..SolveOptions::default() };
-    let mut asset = new(&creature);
+    let mut asset = creature.asset_on(device, grid);
     for (step, frame) in [1, 3, 2, 3, 1, 1, 2, 1, 3].into_iter().enumerate() {
         asset.solve(creature.frame(frame), &SolveOptions::default()).unwrap();
         assert!(bits(&asset) == alone[frame - 1], "step {step}");
@@ -183,27 +151,20 @@ fn older_results_leave_no_trace(new: impl Fn(&Model) -> Asset) {
     }
 }
 
-#[test]
-fn a_failed_call_leaves_the_last_result() {
-    failed_calls_leave_the_result(|model| model.asset(0, 256));
+vrtm_testkit::on_both! {
+    a_failed_call_leaves_the_last_result(256),
+    a_failed_call_leaves_the_last_result_on_a_gpu(64): failed_calls_leave_the_result
 }
 
-#[test]
-fn a_failed_call_leaves_the_last_result_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    failed_calls_leave_the_result(|model| model.asset_on(&device, 64));
-}
-
-fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
+fn failed_calls_leave_the_result(device: &Device, grid: u32) {
     let model = Model::from(vrtm_testkit::scenes::mug_to_jug());
-    let mut asset = asset(&model);
+    let mut asset = model.asset_on(device, grid);
     let nothing = asset.displacements(0);
     assert!(nothing.is_err(), "there is no result before the first solve");
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
     let (result, report) = (bits(&asset), asset.tile_report(0).unwrap());
     let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [128, 128]);
-    let mut corners = vec![[0.0; 2]; model.indices.len()];
-    asset.corner_uvs(&mut corners).unwrap();
+    let corners = vrtm_testkit::corner_uvs(&asset);
 
     for bad in [f32::NAN, f32::INFINITY] {
         let mut pose = model.rest.clone();
@@ -226,8 +187,7 @@ fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
     let after = asset.tile_report(0).unwrap();
     assert_eq!((after.energy, after.nodes_active), (report.energy, report.nodes_active));
     assert_eq!(fetch(&mut asset, 0, FetchKind::Redirection, [128, 128]), redirection);
-    let mut again = vec![[0.0; 2]; model.indices.len()];
-    asset.corner_uvs(&mut again).unwrap();
+    let again = vrtm_testkit::corner_uvs(&asset);
     assert_eq!(corners, again);
     // The next solve still reuses the result.
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
@@ -258,23 +218,16 @@ fn pair(right: f64) -> Model {
     pair
 }
 
-#[test]
-fn a_crowded_chart_does_not_see_its_neighbour() {
-    let options = SolveOptions { max_corrections: Some(7), ..SolveOptions::default() };
-    charts_are_alone(&vrtm_testkit::cpu(0), 256, &options);
+vrtm_testkit::on_both! {
+    a_crowded_chart_does_not_see_its_neighbour(256, Some(7)),
+    a_crowded_chart_does_not_see_its_neighbour_on_a_gpu(128, None): charts_are_alone
 }
 
-#[test]
-fn a_crowded_chart_does_not_see_its_neighbour_on_a_gpu() {
-    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    charts_are_alone(&device, 128, &SolveOptions::default());
-}
-
-fn charts_are_alone(device: &Device, grid: u32, options: &SolveOptions) {
+fn charts_are_alone(device: &Device, grid: u32, max_corrections: Option<u32>) {
+    let options = SolveOptions { max_corrections, ..SolveOptions::default() };
     let left = |right: f64| {
         let model = pair(right);
-        let mut asset = model.asset_on(device, grid);
-        asset.solve(model.frame(1), options).unwrap();
+        let asset = model.solved(device, grid, 1, &options);
         let report = asset.tile_report(0).unwrap();
         println!(
             "right at {right}: {} charts solved, least J {:.4}",

@@ -1,30 +1,9 @@
 //! Poses that cannot be meant are told by the length of their edges.
 
-use std::sync::{Arc, Mutex};
+use vrtm::{Asset, AssetReport, LogCode, Quality, Strided};
 
-use vrtm::{
-    Asset, AssetReport, Device, DeviceSettings, LogCode, LogEntry, LogLevel, MeshSource, Quality, Strided,
-    UvSource,
-};
-
-use vrtm_testkit::{self, Model, options};
-
-/// An asset of a model without maps, and what its device has warned of.
-/// Codes of the log with their values.
-type Told = Arc<Mutex<Vec<(LogCode, Vec<f64>)>>>;
-
-fn listened(model: &Model) -> (Asset, Told) {
-    let said = Arc::new(Mutex::new(Vec::new()));
-    let book = said.clone();
-    let log = move |entry: &LogEntry| {
-        if entry.level == LogLevel::Warning {
-            book.lock().unwrap().push((entry.code, entry.values.to_vec()));
-        }
-    };
-    let device =
-        Device::new(&DeviceSettings { log: Some(Arc::new(log)), ..DeviceSettings::default() }).unwrap();
-    (model.bare_on(&device, Strided::from_f32x3(&model.rest)), said)
-}
+use vrtm_testkit::log::listened;
+use vrtm_testkit::{self, Model, options, quads};
 
 fn report(asset: &mut Asset, pose: &[[f32; 3]]) -> AssetReport {
     asset.solve(Strided::from_f32x3(pose), &options(Quality::Draft)).unwrap();
@@ -34,7 +13,9 @@ fn report(asset: &mut Asset, pose: &[[f32; 3]]) -> AssetReport {
 #[test]
 fn other_units_and_other_orders_are_noticed() {
     let model = Model::from(vrtm_testkit::scenes::creature());
-    let (mut asset, said) = listened(&model);
+    let (device, log) = listened();
+    // It has no maps.
+    let mut asset = model.bare_on(&device, Strided::from_f32x3(&model.rest));
     let mut poses = vec![model.rest.clone()];
     poses.extend(model.frames.iter().cloned());
     for pose in &poses {
@@ -42,15 +23,15 @@ fn other_units_and_other_orders_are_noticed() {
         assert!((0.7..1.5).contains(&report.median_stretch), "{}", report.median_stretch);
         assert!(report.stretched_share < 0.02, "{}", report.stretched_share);
     }
-    // Of no pose. (The asset has no maps.)
-    assert_eq!(std::mem::take(&mut *said.lock().unwrap()), [(LogCode::NoRigidity, vec![])]);
+    // Of no pose.
+    assert_eq!(log.warnings(), [(LogCode::NoRigidity, vec![])]);
     assert_eq!(report(&mut asset, &model.rest).median_stretch, 1.0);
 
     for factor in [100.0, 0.01] {
         let scaled: Vec<_> = model.rest.iter().map(|p| p.map(|x| x * factor)).collect();
         let stretch = report(&mut asset, &scaled).median_stretch;
         assert!((stretch / factor - 1.0).abs() < 1e-4, "{stretch} at {factor}");
-        let said = std::mem::take(&mut *said.lock().unwrap());
+        let said = log.warnings();
         assert!(said.len() == 1 && said[0].0 == LogCode::PoseScale, "{said:?}");
         assert_eq!(said[0].1[0] as f32, stretch);
     }
@@ -61,7 +42,7 @@ fn other_units_and_other_orders_are_noticed() {
     shuffled[..count].sort_by_key(|p| p.map(|x| (x * 7919.0).sin().to_bits()));
     let mixed = report(&mut asset, &shuffled);
     assert!(mixed.median_stretch < 2.0 && mixed.stretched_share > 0.05, "{mixed:?}");
-    let said = std::mem::take(&mut *said.lock().unwrap());
+    let said = log.warnings();
     assert!(said.len() == 1 && said[0].0 == LogCode::PoseOrder, "{said:?}");
     assert_eq!(said[0].1[0] as f32, mixed.stretched_share);
 }
@@ -73,23 +54,15 @@ fn the_edges_of_a_large_mesh_are_sampled_evenly() {
     const N: u32 = 64;
     let rest: Vec<[f32; 3]> =
         (0..=N).flat_map(|j| (0..=N).map(move |i| [i as f32 / N as f32, j as f32 / N as f32, 0.0])).collect();
-    let uvs: Vec<[f32; 2]> = rest.iter().map(|&[x, y, _]| [x, y]).collect();
-    let at = |i: u32, j: u32| j * (N + 1) + i;
-    let corners: Vec<u32> = (0..N * N)
-        .map(|k| (k % N, k / N))
-        .flat_map(|(i, j)| [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
-        .collect();
-    let mut asset = Asset::new(
-        &vrtm_testkit::cpu(1),
-        &MeshSource {
-            positions: Strided::from_f32x3(&rest),
-            face_counts: Some(&vec![4; (N * N) as usize]),
-            indices: &corners,
-            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
-            ..MeshSource::default()
-        },
-    )
-    .unwrap();
+    let corners = quads([N as usize; 2], 0);
+    let model = Model {
+        uvs: rest.iter().map(|&[x, y, _]| [x, y]).collect(),
+        face_counts: vec![4; (N * N) as usize],
+        uv_indices: corners.clone(),
+        indices: corners,
+        ..Model::default()
+    };
+    let mut asset = model.bare(1, Strided::from_f32x3(&rest));
     let pose: Vec<_> = rest.iter().map(|&[x, y, z]| [x + 2.0 * x * x, y, z]).collect();
     let found = report(&mut asset, &pose);
     // Of each triangle's three edges one lies along x, of which half are over 3, and one is a diagonal, of length

@@ -2,15 +2,15 @@
 //! that.
 
 use vrtm::{
-    Asset, Backend, Device, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut, OpenBorders, Origin,
-    Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
+    Asset, Backend, Device, ErrorKind, FetchKind, ImageLayout, ImageView, OpenBorders, Overlap, PixelFormat,
+    Seams, SolveOptions, TileSettings,
 };
 use vrtm_testkit::Lab as _;
 
 use super::borders::{borders, hold};
 use super::build::Model;
 use super::recipe::{Layer, Recipe, Refusal, Then};
-use vrtm_testkit::{Warp, cpu};
+use vrtm_testkit::{Warp, corner_uvs as redirected_corners, cpu, cross, dilation, texels};
 
 /// Events of a case, for counting the cases that test something.
 #[derive(Clone, Copy, Debug, Default)]
@@ -68,18 +68,12 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
 fn dilations(asset: &Asset) -> Vec<u32> {
     const SIZE: u32 = 32;
     let of_tile = |tile| {
-        let mut bytes = vec![0; (SIZE * SIZE) as usize * 16];
-        let layout = ImageLayout::packed(SIZE, SIZE, PixelFormat::F32).with_channels(4);
-        let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-        asset.results().fetch_dilation(tile, 0.2, &mut image).unwrap();
-        let bits: Vec<u32> =
-            bytes.chunks_exact(4).map(|b| u32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect();
-        for texel in bits.chunks_exact(4) {
-            let [u, v, zero, known] = [0, 1, 2, 3].map(|k| f32::from_bits(texel[k]));
+        let texels = dilation(asset, tile, 0.2, SIZE, [0.0f32; 4]);
+        for &[u, v, zero, known] in &texels {
             assert!(u.is_finite() && v.is_finite() && zero == 0.0, "a dilation with {u} {v} {zero}");
             assert!(known == 0.0 || known == 1.0, "a dilation that is known by {known}");
         }
-        bits
+        texels.into_iter().flatten().map(f32::to_bits)
     };
     (0..asset.tile_count()).flat_map(of_tile).collect()
 }
@@ -102,8 +96,7 @@ fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Ve
             warp(recipe, model, pose, asset, tile, seen);
             bits.extend(redirection(recipe, asset, tile));
         }
-        let mut corners = vec![[f32::NAN; 2]; asset.info().corners as usize];
-        asset.corner_uvs(&mut corners).unwrap();
+        let corners = redirected_corners(asset);
         assert!(corners.iter().flatten().all(|x| x.is_finite()), "a corner's UV is not finite");
         corner_uvs(recipe, model, asset, &corners);
         bits.extend(corners.iter().flatten().map(|x| x.to_bits()));
@@ -233,8 +226,6 @@ fn cover(p: [[f64; 2]; 3], n: [usize; 2], covered: &mut [bool]) {
         let high = p.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[c])) + 1.5 * OFF_LINE;
         low.ceil().max(0.0) as usize..=high.floor().min(n[c] as f64) as usize
     };
-    let cross =
-        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let sign = cross(p[0], p[1], p[2]).signum();
     if p.iter().flatten().any(|x| *x < -1e6) || span(0).is_empty() || span(1).is_empty() {
         return;
@@ -274,15 +265,8 @@ fn masked(mask: &Layer, n: [usize; 2]) -> Vec<bool> {
 /// Checks that the redirection lies in the tile, and that W maps it back to the texel's centre.
 fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     let size = recipe.output;
-    let layout = ImageLayout {
-        origin: Origin::Bottom,
-        channels: Some(4),
-        ..ImageLayout::packed(size[0], size[1], PixelFormat::F32)
-    };
-    let mut bytes = f32::NAN.to_ne_bytes().repeat(4 * (size[0] * size[1]) as usize);
-    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-    asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
-    let floats: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect();
+    let texels = texels(asset.results(), tile, FetchKind::Redirection, size, [f32::NAN; 4]);
+    let floats = texels.as_flattened();
     // W maps the tile onto itself, so that redirections lie in the tile up to f32 rounding.
     let outside = floats.iter().position(|x| !(-1e-6..=1.0 + 1e-6).contains(x));
     assert_eq!(outside, None, "{:?} is outside of the tile", outside.map(|k| floats[k]));
@@ -290,7 +274,7 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     let cells = [warps[0].nx as f64, warps[0].ny as f64];
     let scale = [0, 1].map(|c| f64::from(size[c]) / cells[c]);
     let mut drawn_back = 0;
-    for (k, uv) in floats.chunks_exact(4).enumerate() {
+    for (k, uv) in texels.iter().enumerate() {
         let from = [0, 1].map(|c| f64::from(uv[c]) * cells[c]);
         let centre = [k as u32 % size[0], k as u32 / size[0]].map(|x| f64::from(x) + 0.5);
         let to = [0, 1].map(|c| centre[c] / scale[c]);

@@ -20,7 +20,7 @@ use check::Seen;
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestError, TestRng, TestRunner};
 use recipe::Recipe;
-use vrtm::{Device, DeviceSettings};
+use vrtm::{Backend, Device, DeviceSettings};
 use vrtm_testkit::{gpu, long};
 
 /// Number of models of a long run, and of those that a GPU solves as well: a software one takes tens of milliseconds
@@ -169,19 +169,15 @@ fn random_models_end_in_certified_results_on_a_gpu() {
     check_all(cases, seed, Some(&device));
 }
 
-#[test]
-fn what_once_failed_holds() {
-    for (name, recipe) in named::cases() {
-        println!("{name}");
-        check::check(&recipe, None);
-    }
+vrtm_testkit::on_both! {
+    what_once_failed_holds(),
+    what_once_failed_holds_on_a_gpu(): named_cases_hold
 }
 
-#[test]
-fn what_once_failed_holds_on_a_gpu() {
-    let Some(device) = gpu(&DeviceSettings::default()) else { return };
+fn named_cases_hold(device: &Device) {
     for (name, recipe) in named::cases() {
         println!("{name}");
-        check::check(&recipe, Some(&device));
+        // On a CPU a recipe has its own number of threads.
+        check::check(&recipe, Some(device).filter(|device| device.info().backend == Backend::Gpu));
     }
 }

@@ -4,8 +4,8 @@
 mod noise;
 mod torn;
 
-use vrtm::{Asset, Device, DeviceSettings, Quality, Weld, WeldBy};
-use vrtm_testkit::{Maps, Model, cpu, gpu, options};
+use vrtm::{Asset, Device, Quality, Weld, WeldBy};
+use vrtm_testkit::{Maps, Model, options};
 
 /// Quads on a side of the unit sheet.
 const QUADS: usize = 32;
@@ -22,12 +22,7 @@ fn sheet(quads: usize) -> Model {
     let count = (quads + 1) * (quads + 1);
     let place = |v: usize| [v % (quads + 1), v / (quads + 1)].map(|x| x as f32 / quads as f32);
     let rest: Vec<[f32; 3]> = (0..count).map(|v| [place(v)[0], place(v)[1], 0.0]).collect();
-    let quad = |f: usize| {
-        let a = (f / quads * (quads + 1) + f % quads) as u32;
-        let n = quads as u32 + 1;
-        [a, a + 1, a + n + 1, a + n]
-    };
-    let indices = (0..quads * quads).flat_map(quad).collect::<Vec<u32>>();
+    let indices = vrtm_testkit::quads([quads; 2], 0);
     let disc = |k: usize| {
         let [x, y] = [k % GRID, GRID - 1 - k / GRID].map(|x| (x % 32) as f64 + 0.5 - 16.0);
         if x * x + y * y < 120.0 { 255 } else { 0 }
@@ -102,9 +97,7 @@ fn with_uvs(model: &Model, f: impl Fn(usize, f32) -> f32) -> Model {
 }
 
 fn solved(model: &Model, device: &Device) -> Asset {
-    let mut asset = model.asset_on(device, GRID as u32);
-    asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
-    asset
+    model.solved(device, GRID as u32, 1, &options(Quality::Normal))
 }
 
 fn energy(asset: &Asset) -> [f64; 2] {
@@ -117,8 +110,4 @@ fn assert_near(a: [f64; 2], b: [f64; 2], tolerance: f64, what: &str) {
     for (a, b) in a.into_iter().zip(b) {
         assert!((a / b - 1.0).abs() < tolerance, "{what}: {a} {b}");
     }
-}
-
-fn devices() -> impl Iterator<Item = Device> {
-    std::iter::once(cpu(0)).chain(gpu(&DeviceSettings::default()))
 }

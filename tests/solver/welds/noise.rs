@@ -205,11 +205,7 @@ fn unwelded_assets_are_as_before_if_welded_by_position() {
     let device = cpu(0);
     for model in assets() {
         let game = Model { weld: by(WeldBy::Position), ..unwelded(&model) };
-        let solved = |model: &Model| {
-            let mut asset = model.asset_on(&device, 128);
-            asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
-            asset
-        };
+        let solved = |model: &Model| model.solved(&device, 128, 1, &options(Quality::Draft));
         let (whole, game) = (solved(&model), solved(&game));
         let (info, of_game) = (whole.info(), game.info());
         println!("{}: {} charts, {} edges apart", model.name, info.charts, info.edges_apart);

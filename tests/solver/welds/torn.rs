@@ -1,10 +1,10 @@
 //! Cuts that are closed at rest, and welds that a pose tears.
 
-use vrtm::{Asset, Quality, SolveOptions, Strided, TileSettings, WeldBy};
+use vrtm::{Asset, Quality, SolveOptions, Strided, WeldBy};
 use vrtm_testkit::Lab as _;
 
-use super::{GRID, QUADS, by, devices, sheet, slit, solved};
-use vrtm_testkit::{Model, bits, options, view};
+use super::{GRID, QUADS, by, sheet, slit, solved};
+use vrtm_testkit::{Model, bits, change, corner_uvs, devices, options, view};
 
 /// The number of nodes that move; panics if one lies on the slit and moves, or crosses it.
 fn moving_beside_the_slit(asset: &Asset) -> usize {
@@ -53,12 +53,7 @@ fn a_torn_weld_is_the_cut_mesh_in_that_pose_alone() {
         let by_index = solved(&model, &device);
         let mut torn = solved(&welded, &device);
         assert!(bits(&by_index) == bits(&torn), "all torn is not what the vertices say");
-        let corners = |asset: &Asset| {
-            let mut uvs = vec![[f32::NAN; 2]; asset.info().corners as usize];
-            asset.corner_uvs(&mut uvs).unwrap();
-            uvs
-        };
-        assert!(corners(&by_index) == corners(&torn));
+        assert!(corner_uvs(&by_index) == corner_uvs(&torn));
         // Closed again: as if nothing had been doubled.
         let mut closed = model.frames[0].clone();
         for [old, new] in &doubled {
@@ -87,7 +82,7 @@ fn a_torn_weld_is_the_cut_mesh_in_that_pose_alone() {
         cut.solve(Strided::from_f32x3(&pose), &options(Quality::Normal)).unwrap();
         assert_eq!(cut.tile_report(0).unwrap().welds_torn, 0);
         assert!(bits(&cut) == bits(&torn), "a torn weld is not a seam");
-        assert!(corners(&cut) == corners(&torn));
+        assert!(corner_uvs(&cut) == corner_uvs(&torn));
         // Poses that tear nothing build nothing anew, whatever was torn before.
         torn.solve(Strided::from_f32x3(&closed), &options(Quality::Normal)).unwrap();
         assert_eq!(torn.tile_report(0).unwrap().times.maps, 0.0);
@@ -106,8 +101,7 @@ fn maps_and_settings_may_change_while_a_weld_is_torn() {
         let size = GRID as u32;
         let change = |asset: &mut Asset| {
             asset.set_rigidity(0, Some(view(&grown, size, size))).unwrap();
-            let settings = TileSettings { room: 0.5, ..asset.settings(0).unwrap() };
-            asset.set_settings(0, &settings).unwrap();
+            change(asset, 0, |settings| settings.room = 0.5);
         };
         let mut fresh = model.asset_on(&device, size);
         change(&mut fresh);

@@ -48,8 +48,7 @@ fn counts_do_not_rise() {
         else {
             continue;
         };
-        let mut asset = model.asset_on(&device, most.grid);
-        asset.solve(model.frame(1), &options(most.quality)).unwrap();
+        let asset = model.solved(&device, most.grid, 1, &options(most.quality));
         let (report, work) = (asset.tile_report(0).unwrap(), asset.gpu_work(0).unwrap().unwrap());
         let per_node = |bytes: u64| bytes.div_ceil(report.nodes_active);
         let (moved, held) = (per_node(work.bytes()), per_node(report.bytes));

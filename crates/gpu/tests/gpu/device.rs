@@ -9,7 +9,7 @@ use vrtm::{
 };
 
 use crate::child::in_a_child;
-use vrtm_testkit::{self, Model, gpu, has_gpu, options};
+use vrtm_testkit::{self, Model, gpu, gpus, has_gpu, options};
 
 fn settings(backend: Backend, adapter: u32) -> DeviceSettings {
     DeviceSettings { backend, adapter, threads: std::num::NonZeroU32::new(1), ..DeviceSettings::default() }
@@ -17,10 +17,7 @@ fn settings(backend: Backend, adapter: u32) -> DeviceSettings {
 
 #[test]
 fn adapters_are_described_in_an_order_that_stays() {
-    if !has_gpu() {
-        return;
-    }
-    let all = adapters();
+    let Some(all) = gpus() else { return };
     for adapter in &all {
         assert!(!adapter.name.is_empty() && !adapter.driver.is_empty(), "{adapter:?}");
         assert!(["Vulkan", "Direct3D 12", "Metal"].contains(&adapter.api), "{adapter:?}");
@@ -71,10 +68,8 @@ fn without_vulkan_s_library_there_is_no_gpu() {
 
 #[test]
 fn an_adapter_that_is_not_there_is_named() {
-    if !has_gpu() {
-        return;
-    }
-    let count = adapters().len() as u32;
+    let Some(all) = gpus() else { return };
+    let count = all.len() as u32;
     for adapter in [count, count + 1, u32::MAX] {
         let error = Device::new(&settings(Backend::Gpu, adapter)).unwrap_err();
         assert_eq!(error.kind, ErrorKind::InvalidArgument);
@@ -93,10 +88,7 @@ fn by_id(backend: Backend, id: AdapterId) -> DeviceSettings {
 /// The identity takes the place of the number, in each interface that has one.
 #[test]
 fn an_adapter_is_found_by_its_identity() {
-    if !has_gpu() {
-        return;
-    }
-    let all = adapters();
+    let Some(all) = gpus() else { return };
     for (index, adapter) in all.iter().enumerate() {
         let ids = [
             adapter.uuid.map(AdapterId::Uuid),
@@ -120,10 +112,7 @@ fn an_adapter_is_found_by_its_identity() {
 
 #[test]
 fn an_identity_that_no_adapter_has_is_named_with_those_that_there_are() {
-    if !has_gpu() {
-        return;
-    }
-    let all = adapters();
+    let Some(all) = gpus() else { return };
     for (id, text) in [
         (AdapterId::Uuid([0xab; 16]), "UUID abababab-abab-abab-abab-abababababab"),
         (AdapterId::Luid([1, 2, 3, 4, 5, 6, 7, 8]), "LUID 0102030405060708"),
@@ -223,10 +212,8 @@ fn limits_that_are_not_known_are_refused() {
 
 #[test]
 fn devices_are_made_and_ended_on_many_threads() {
-    if !has_gpu() {
-        return;
-    }
-    let first = format!("{:?}", adapters());
+    let Some(all) = gpus() else { return };
+    let first = format!("{all:?}");
     std::thread::scope(|scope| {
         for thread in 0..4 {
             let first = &first;

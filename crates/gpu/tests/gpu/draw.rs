@@ -10,7 +10,6 @@ use vrtm_render::model::Model;
 use vrtm_render::stage::{Stage, shot};
 use vrtm_render::texture::Levels;
 use vrtm_render::{reference, ways};
-use vrtm_testkit::has_gpu;
 
 const SIZE: [u32; 2] = [320, 240];
 
@@ -44,10 +43,7 @@ impl<'a> Drawn<'a> {
 
 #[test]
 fn redirected_pictures_are_those_of_a_warped_texture() {
-    if !has_gpu() {
-        return;
-    }
-    let gpu = Gpu::open(0).unwrap();
+    let Some(gpu) = super::open() else { return };
     let stage = stage("mug_to_jug", 5);
     let drawn = Drawn::new(&gpu, &stage, &View::of(&stage.positions));
     let material = drawn.renderer.material(&stage.colours, None).unwrap();
@@ -85,10 +81,7 @@ fn redirected_pictures_are_those_of_a_warped_texture() {
 /// is coarser in the other one as well, and there it leaves features where they are not.
 #[test]
 fn a_map_with_mips_is_worse() {
-    if !has_gpu() {
-        return;
-    }
-    let gpu = Gpu::open(0).unwrap();
+    let Some(gpu) = super::open() else { return };
     let stage = stage("squash", 1);
     let view = View { pitch: 82.0, ..View::of(&stage.positions) };
     let drawn = Drawn::new(&gpu, &stage, &view);

@@ -17,14 +17,11 @@ use vrtm_capi::{
 
 use crate::child::in_a_child;
 use crate::vulkan::{self, Host, Shared};
-use vrtm_testkit::{self, Model, has_gpu, options};
+use vrtm_testkit::{self, Model, gpus, options};
 
 /// The first adapter through Vulkan, and a host's device on the same GPU.
 fn host() -> Option<(Device, Host)> {
-    if !has_gpu() {
-        return None;
-    }
-    let uuid = adapters().into_iter().find_map(|adapter| adapter.uuid)?;
+    let uuid = gpus()?.into_iter().find_map(|adapter| adapter.uuid)?;
     let settings = DeviceSettings {
         backend: Backend::Gpu,
         adapter_id: Some(AdapterId::Uuid(uuid)),
@@ -41,9 +38,7 @@ fn host() -> Option<(Device, Host)> {
 
 /// A solved asset.
 fn solved(model: &Model, device: &Device, grid: u32) -> Asset {
-    let mut asset = model.asset_on(device, grid);
-    asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
-    asset
+    model.solved(device, grid, 1, &options(Quality::Draft))
 }
 
 /// An image in shared memory; the file descriptor is closed when the returned owner is dropped.
@@ -92,12 +87,10 @@ fn expected(
 /// The library's list agrees with Vulkan's own account of each GPU.
 #[test]
 fn adapters_have_vulkan_s_own_identities() {
-    if !has_gpu() {
-        return;
-    }
+    let Some(all) = gpus() else { return };
     let own = vulkan::gpus();
     let mut seen = 0;
-    for adapter in adapters().iter().filter(|adapter| adapter.api == "Vulkan") {
+    for adapter in all.iter().filter(|adapter| adapter.api == "Vulkan") {
         let same = own.iter().find(|gpu| Some(gpu.uuid) == adapter.uuid);
         let same = same.unwrap_or_else(|| panic!("{adapter:?} has a UUID that Vulkan does not know"));
         assert_eq!(adapter.name, same.name);
@@ -114,7 +107,7 @@ fn adapters_have_vulkan_s_own_identities() {
         assert_eq!(device.unwrap().info().name, same.name);
         seen += 1;
     }
-    assert!(seen > 0, "{:?}", adapters());
+    assert!(seen > 0, "{all:?}");
 }
 
 /// All redirections of all tiles, in both formats and several layouts, are bit by bit those of the ordinary fetch when

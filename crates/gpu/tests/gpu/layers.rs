@@ -5,9 +5,7 @@ use vrtm_testkit::Lab as _;
 use vrtm_testkit::{Model, bits, cpu, gpu, scenes};
 
 fn solved(model: &Model, device: &Device, frame: usize) -> Asset {
-    let mut asset = model.asset_on(device, 64);
-    asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
-    asset
+    model.solved(device, 64, frame, &SolveOptions::default())
 }
 
 #[test]

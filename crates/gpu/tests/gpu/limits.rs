@@ -4,10 +4,11 @@ use vrtm::{Backend, Device, DeviceSettings, ErrorKind, Quality, TileSettings};
 use vrtm_testkit::Lab as _;
 use vrtm_testkit::{self, Model, long, options};
 
-/// A device with WebGPU's default limits, whose buffers hold at most so many blocks.
-fn limited(most_blocks: Option<usize>) -> Device {
+/// A device with WebGPU's default limits, whose buffers hold at most so many blocks, if there is a GPU.
+fn limited(most_blocks: Option<usize>) -> Option<Device> {
     let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
-    Device::with_variables(&settings, &[("VRTM_GPU_LIMITS", "webgpu")], most_blocks).unwrap()
+    let variables = [("VRTM_GPU_LIMITS", "webgpu")];
+    vrtm_testkit::has_gpu().then(|| Device::with_variables(&settings, &variables, most_blocks).unwrap())
 }
 
 /// Limits of the adapter above WebGPU's defaults are not needed. With more workgroup memory other kernels relax and
@@ -15,15 +16,12 @@ fn limited(most_blocks: Option<usize>) -> Device {
 #[test]
 fn webgpu_s_limits_give_the_same_result() {
     let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    let limited = limited(None);
+    let Some(limited) = limited(None) else { return };
     for scene in long::share(vec![vrtm_testkit::scenes::creature(), vrtm_testkit::scenes::arm()], 2, "scenes")
     {
         let model = Model::from(scene);
-        let [a, b] = [&device, &limited].map(|device| {
-            let mut asset = model.asset_on(device, 128);
-            asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
-            asset
-        });
+        let [a, b] =
+            [&device, &limited].map(|device| model.solved(device, 128, 1, &options(Quality::Normal)));
         for tile in 0..a.tile_count() {
             let [u, v] = [&a, &b].map(|asset| asset.displacements(tile).unwrap());
             let squares = u.iter().flatten().zip(v.iter().flatten()).map(|(u, v)| f64::from(u - v).powi(2));
@@ -47,10 +45,7 @@ fn named(message: &str) -> [u32; 2] {
 /// size that works, and the next larger one does not.
 #[test]
 fn a_grid_that_is_too_large_names_one_that_fits() {
-    if !vrtm_testkit::has_gpu() {
-        return;
-    }
-    let device = limited(Some(40));
+    let Some(device) = limited(Some(40)) else { return };
     let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     let mut asset = model.asset_on(&device, 192);
     let error = asset.tile_estimate(0).unwrap_err();
@@ -82,12 +77,10 @@ fn a_grid_that_is_too_large_names_one_that_fits() {
 /// A smaller grid has the shape of the larger one, and a tile that was prepared on the CPU is refused, too.
 #[test]
 fn a_long_grid_keeps_its_shape_and_a_loaded_one_is_refused() {
-    if !vrtm_testkit::has_gpu() {
-        return;
-    }
+    let Some(gpu) = limited(Some(40)) else { return };
     let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     let settings = |grid: [u32; 2]| TileSettings { grid: grid.map(Some), ..TileSettings::default() };
-    let [mut on_cpu, mut on_gpu] = [vrtm_testkit::cpu(1), limited(Some(40))].map(|device| {
+    let [mut on_cpu, mut on_gpu] = [vrtm_testkit::cpu(1), gpu].map(|device| {
         let mut asset = model.asset_on(&device, 64);
         asset.set_settings(0, &settings([64, 256])).unwrap();
         asset
@@ -105,10 +98,8 @@ fn a_long_grid_keeps_its_shape_and_a_loaded_one_is_refused() {
 /// WebGPU's bindings of 128 MiB hold a little under 12000 blocks.
 #[test]
 fn the_smallest_bindings_hold_a_grid_of_1024_cells_and_not_one_of_2048() {
-    if !vrtm_testkit::has_gpu() {
-        return;
-    }
-    let mut asset = Model::from(vrtm_testkit::scenes::analytic::bulge()).asset_on(&limited(None), 1024);
+    let Some(device) = limited(None) else { return };
+    let mut asset = Model::from(vrtm_testkit::scenes::analytic::bulge()).asset_on(&device, 1024);
     asset.tile_estimate(0).unwrap();
     vrtm_testkit::set_grid(&mut asset, 2048);
     let error = asset.tile_estimate(0).unwrap_err();

@@ -2,12 +2,10 @@
 //! have the pictures of frames whose maps pass through the CPU.
 
 use vrtm_render::camera::View;
-use vrtm_render::gpu::Gpu;
 use vrtm_render::live::{self, Live, Transport};
 use vrtm_render::maps::Solved;
 use vrtm_render::model::Model;
 use vrtm_render::texture::{self, Levels};
-use vrtm_testkit::has_gpu;
 
 /// A scene twice, one above the other, each in a tile of its own; the second one's pose is half of the first one's.
 fn two_tiles(name: &str) -> Model {
@@ -35,10 +33,7 @@ fn two_tiles(name: &str) -> Model {
 
 #[test]
 fn pictures_are_the_same_without_the_cpu() {
-    if !has_gpu() {
-        return;
-    }
-    let gpu = Gpu::open(0).unwrap();
+    let Some(gpu) = super::open() else { return };
     let model = two_tiles("bulge");
     // Rows of 32 texels are shorter than those that a copy to a texture takes.
     for side in [256, 32] {

@@ -24,3 +24,8 @@ mod live;
 mod lock_step;
 #[cfg(target_os = "linux")]
 mod vulkan;
+
+/// The first adapter to draw with, if there is one.
+fn open() -> Option<vrtm_render::gpu::Gpu> {
+    vrtm_testkit::has_gpu().then(|| vrtm_render::gpu::Gpu::open(0).unwrap())
+}

@@ -6,11 +6,11 @@ use std::time::Duration;
 
 use vrtm::{
     Asset, Backend, Control, Device, DeviceSettings, ErrorKind, FetchKind, GpuWork, Quality, SolveOptions,
-    SolveRequest, Solver, Strided, TileSettings,
+    SolveRequest, Solver, Strided,
 };
 use vrtm_testkit::Lab as _;
 use vrtm_testkit::features::dense::dense;
-use vrtm_testkit::{Maps, Model, fetch, gpu, set_grid, view};
+use vrtm_testkit::{Maps, Model, change, fetch, gpu, options, quads, set_grid, view};
 
 /// Quads on a side of a sheet, and texels on a side of a map.
 const QUADS: usize = 6;
@@ -23,7 +23,7 @@ const FRAMES: usize = 4;
 fn model() -> Model {
     let mut model = Model { frames: vec![Vec::new(); FRAMES], ..Model::default() };
     for tile in 0..TILES {
-        let first = model.rest.len() as u32;
+        model.indices.extend(quads([QUADS; 2], model.rest.len()));
         for k in 0..(QUADS + 1).pow(2) {
             let [x, y] = [k % (QUADS + 1), k / (QUADS + 1)].map(|k| k as f32 / QUADS as f32);
             let along = 2.0 * tile as f32 + x;
@@ -38,18 +38,18 @@ fn model() -> Model {
                 ]);
             }
         }
-        let row = QUADS as u32 + 1;
-        for k in 0..(QUADS * QUADS) as u32 {
-            let corner = first + k / QUADS as u32 * row + k % QUADS as u32;
-            model.indices.extend([corner, corner + 1, corner + row + 1, corner + row]);
-            model.face_counts.push(4);
-        }
         let [width, height] = [SIZE as u32; 2];
         let rigidity = painted(10 + tile);
         model.maps.push(Maps { udim: 1001 + tile as u32, width, height, rigidity, mask: None });
     }
     model.uv_indices = model.indices.clone();
+    model.face_counts = vec![4; model.indices.len() / 4];
     model
+}
+
+/// A GPU, if there is one, and the model.
+fn set_up() -> Option<(Device, Model)> {
+    Some((gpu(&DeviceSettings::default())?, model()))
 }
 
 fn painted(pitch: usize) -> Vec<u8> {
@@ -104,7 +104,7 @@ fn tiles_together_have_the_bits_of_each_alone() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };
     // Where features come out worse, joined ones have their own multipliers.
     let (model, crowded) = (model(), dense(&model()));
-    let draft = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
+    let draft = options(Quality::Draft);
     let pbd = SolveOptions { solver: Solver::Pbd, ..SolveOptions::default() };
     let normal = SolveOptions::default();
     // 16 cells have one level.
@@ -125,8 +125,7 @@ fn tiles_together_have_the_bits_of_each_alone() {
 /// All tiles take the dispatches of the one that takes most: further corrections differ between them.
 #[test]
 fn tiles_together_take_the_dispatches_of_one() {
-    let Some(device) = gpu(&DeviceSettings::default()) else { return };
-    let model = model();
+    let Some((device, model)) = set_up() else { return };
     let mut both = Both::new(&device, &model);
     both.solve(model.frame(2), &[0, 1, 2, 3], SolveOptions::default());
     let work = |asset: &Asset, tile: usize| asset.gpu_work(tile).unwrap().unwrap();
@@ -150,8 +149,7 @@ fn tiles_together_take_the_dispatches_of_one() {
 /// Tiles that are solved together differ from call to call, and so do the results that solves start from.
 #[test]
 fn histories_leave_no_trace() {
-    let Some(device) = gpu(&DeviceSettings::default()) else { return };
-    let model = model();
+    let Some((device, model)) = set_up() else { return };
     let mut both = Both::new(&device, &model);
     let warm = SolveOptions { warm: true, temporal_weight: 0.1, ..SolveOptions::default() };
     let draft = SolveOptions { quality: Quality::Draft, ..warm };
@@ -177,9 +175,8 @@ fn histories_leave_no_trace() {
     both.solve(model.frame(4), &[0, 1, 2, 3], draft);
     // Another grid for one of them, and other weights for another.
     both.set(|asset| {
-        let settings = asset.settings(0).unwrap();
-        asset.set_settings(0, &TileSettings { grid: [Some(32); 2], ..settings }).unwrap();
-        asset.set_settings(2, &TileSettings { smoothness: 0.05, ..settings }).unwrap();
+        change(asset, 0, |settings| settings.grid = [Some(32); 2]);
+        change(asset, 2, |settings| settings.smoothness = 0.05);
     });
     both.solve(model.frame(2), &[0, 1, 2, 3], warm);
     both.set(|asset| {
@@ -193,8 +190,7 @@ fn histories_leave_no_trace() {
 /// Bytes that are booked for an asset once its tiles are solved one by one, and together.
 #[test]
 fn without_memory_for_all_tiles_each_is_solved_alone() {
-    let Some(device) = gpu(&DeviceSettings::default()) else { return };
-    let model = model();
+    let Some((device, model)) = set_up() else { return };
     let mut both = Both::new(&device, &model);
     let apart = {
         let before = device.info().bytes_held;
@@ -229,8 +225,7 @@ fn without_memory_for_all_tiles_each_is_solved_alone() {
 /// With time enough a budget changes nothing; with none, all tiles end early.
 #[test]
 fn a_time_budget_is_that_of_all_tiles() {
-    let Some(device) = gpu(&DeviceSettings::default()) else { return };
-    let model = model();
+    let Some((device, model)) = set_up() else { return };
     let solve = |budget| {
         let mut asset = model.asset_on(&device, SIZE as u32);
         let options = SolveOptions { time_budget: budget, ..SolveOptions::default() };
@@ -250,8 +245,7 @@ fn a_time_budget_is_that_of_all_tiles() {
 /// used.
 #[test]
 fn a_cancelled_call_changes_nothing() {
-    let Some(device) = gpu(&DeviceSettings::default()) else { return };
-    let model = model();
+    let Some((device, model)) = set_up() else { return };
     let mut both = Both::new(&device, &model);
     both.solve(model.frame(2), &[0, 1, 2, 3], SolveOptions::default());
     let before: Vec<_> = (0..TILES).map(|tile| result(&mut both.all, tile)).collect();
@@ -269,8 +263,7 @@ fn a_cancelled_call_changes_nothing() {
 /// Buffers that hold two of the tiles, as on a device with small bindings: two are solved together, and two others.
 #[test]
 fn tiles_are_solved_together_as_far_as_a_buffer_holds_them() {
-    let Some(device) = gpu(&DeviceSettings::default()) else { return };
-    let model = model();
+    let Some((device, model)) = set_up() else { return };
     let mut whole = model.asset_on(&device, SIZE as u32);
     let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
     // A tile has up to 25 blocks.

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use crate::asset::{CollarOfChart, CollarTriangleInSpace};
 
-use super::charts::{Charts, barycentric, interpolate, least};
-use crate::warp::Warp;
+use super::charts::{Charts, interpolate, least};
+use crate::warp::{Warp, barycentric};
 
 /// A triangle in cells, and its corners as vertices with weights.
 type Triangle = ([[f64; 2]; 3], [[(u32, f64); 3]; 3]);

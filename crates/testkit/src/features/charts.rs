@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::Node;
 use crate::model::Model;
-use crate::warp::Warp;
+use crate::warp::{Warp, barycentric, cross};
 
 type Point = [f64; 2];
 
@@ -194,7 +194,7 @@ fn triangles(model: &Model, warps: &[Warp]) -> (Vec<Triangle>, Vec<usize>) {
         for k in 1..corners.len() - 1 {
             let of = [corners[0], corners[k], corners[k + 1]];
             let at = of.map(|c| [0, 1].map(|axis| (uv(c)[axis] - middle[axis].floor()) * cells[axis]));
-            if area(at[0], at[1], at[2]) != 0.0 {
+            if cross(at[0], at[1], at[2]) != 0.0 {
                 let vertices = of.map(|c| model.indices[c] as usize);
                 triangles.push(Triangle { vertices, corners: of, at, chart: 0, neighbours: [None; 3] });
                 warp_of.push(w);
@@ -257,15 +257,6 @@ fn number_charts(triangles: &mut [Triangle]) {
 
 fn sorted([a, b]: [usize; 2]) -> [usize; 2] {
     [a.min(b), a.max(b)]
-}
-
-fn area(a: Point, b: Point, c: Point) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
-
-pub fn barycentric(&[a, b, c]: &[Point; 3], at: Point) -> [f64; 3] {
-    let all = area(a, b, c);
-    [area(at, b, c) / all, area(a, at, c) / all, area(a, b, at) / all]
 }
 
 /// The least barycentric coordinate.

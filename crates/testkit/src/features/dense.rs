@@ -2,6 +2,7 @@
 //! grid of 1024.
 
 use crate::model::Model;
+use crate::random::splitmix;
 use crate::scenes::TileMaps as Maps;
 
 /// Texels on a side of the painted maps.
@@ -21,13 +22,7 @@ pub fn dense(model: &Model) -> Model {
 
 fn painted(udim: u32) -> Maps {
     let mut seed = u64::from(udim);
-    // Numbers in 0..1, by splitmix64.
-    let mut random = || {
-        seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (seed ^ seed >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
-    };
+    let mut random = || splitmix(&mut seed);
     let mut rigidity = vec![0u8; SIDE * SIDE];
     // Texels that lie in a feature or nearer to one than the gap.
     let mut taken = vec![false; SIDE * SIDE];

@@ -2,24 +2,19 @@
 
 use std::collections::HashMap;
 
-use crate::asset::Lab as _;
 use vrtm::Asset;
 
 use super::beyond::Beyond;
 use super::charts::{Charts, distance};
 use crate::model::Model;
-use crate::warp::Warp;
 
 /// The distances on the surface at rest between what both charts show at the vertices on seams, in texels of a texture
 /// of 4096 by 4096, ascending.
 pub fn gaps(model: &Model, asset: &Asset) -> Vec<f64> {
-    let tiles: Vec<usize> = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap()).collect();
-    let warps: Vec<Warp> = tiles.iter().map(|&tile| Warp::of(asset, tile)).collect();
-    let collars: Vec<_> = tiles.iter().map(|&tile| asset.collars(tile).unwrap()).collect();
+    let (warps, collars) = super::warps(model, asset);
     let charts = Charts::new(model, &warps);
     let beyond = Beyond::new(&charts, &warps, &collars);
-    let mut corners = vec![[0.0; 2]; asset.info().corners as usize];
-    asset.corner_uvs(&mut corners).unwrap();
+    let corners = crate::model::corner_uvs(asset);
     // Per edge of the mesh, the triangles at it.
     let mut edges: HashMap<[usize; 2], Vec<usize>> = HashMap::new();
     for (t, triangle) in charts.triangles.iter().enumerate() {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::random::Random;
 use vrtm_core::fixtures::{discs, maps, posed, sheet};
 use vrtm_core::mesh::{MeshSource, UvSource};
 use vrtm_core::settings::TileSettings;
@@ -36,11 +37,8 @@ fn torus(u: f64, v: f64) -> [f64; 3] {
 
 /// Pseudorandom numbers in -1..1.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
-    let mut x = seed;
-    move || {
-        x = x.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
+    let mut random = Random(seed);
+    move || random.between(-1.0, 1.0)
 }
 
 fn zero(problem: &Problem) -> Vec<[f64; 2]> {

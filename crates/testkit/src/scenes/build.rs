@@ -39,6 +39,11 @@ pub fn bump(centre: f64, width: f64, x: f64) -> f64 {
     if t > 0.0 { t * t } else { 0.0 }
 }
 
+/// A point of a rectangle, given by its lower and its upper corner; `s` and `t` run from 0 to 1.
+pub fn rect(r: [f64; 4], s: f64, t: f64) -> [f64; 2] {
+    [r[0] + (r[2] - r[0]) * s, r[1] + (r[3] - r[1]) * t]
+}
+
 /// A mesh under construction; positions stay f64 until the end.
 #[derive(Default)]
 pub struct Builder {

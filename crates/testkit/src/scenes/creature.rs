@@ -2,7 +2,7 @@
 //! Its charts: back, belly, snout, tail end, and a leg each, those of the right side mirrored.
 
 use super::Scene;
-use super::build::{Builder, Point, TAU, bump, deform, sin_cos, smooth};
+use super::build::{Builder, Point, TAU, bump, deform, rect, sin_cos, smooth};
 use super::paint::Canvas;
 
 const ALONG: usize = 72;
@@ -48,10 +48,6 @@ pub fn creature() -> Scene {
         tiles: vec![paint().finish(1001)],
         ..mesh.scene("creature")
     }
-}
-
-fn rect(r: [f64; 4], s: f64, t: f64) -> [f64; 2] {
-    [r[0] + (r[2] - r[0]) * s, r[1] + (r[3] - r[1]) * t]
 }
 
 fn leg(mesh: &mut Builder, k: usize, side: f64, z: f64) {

@@ -1,7 +1,7 @@
 //! Mug to jug, after figures 4 and 6 of the paper: a mug with studs and emblems is edited into a jug in five steps.
 
 use super::Scene;
-use super::build::{Builder, Point, TAU, bump, deform, sin_cos, smooth};
+use super::build::{Builder, Point, TAU, bump, deform, rect, sin_cos, smooth};
 use super::paint::Canvas;
 
 const AROUND: usize = 96;
@@ -46,10 +46,6 @@ pub fn mug_to_jug() -> Scene {
         tiles: vec![paint().finish(1001)],
         ..mesh.scene("mug_to_jug")
     }
-}
-
-fn rect(r: [f64; 4], s: f64, t: f64) -> [f64; 2] {
-    [r[0] + (r[2] - r[0]) * s, r[1] + (r[3] - r[1]) * t]
 }
 
 /// Half a ring of tube on the +x side.
