@@ -10,7 +10,7 @@ mod words;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What each name that leads back to itself is reached from.
+/// Names that lead back to themselves, each with the names that lead to it.
 fn circles(arrows: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
     let mut circles = Vec::new();
     for own in arrows.keys() {

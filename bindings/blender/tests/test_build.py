@@ -25,7 +25,7 @@ def build():
 
 class Build(unittest.TestCase):
     def wheel(self):
-        """That of the archive, in a folder that the test's end removes."""
+        """The path of the archive, in a folder that the test's end removes."""
         with zipfile.ZipFile(ARCHIVE) as archive:
             name = next(name for name in archive.namelist() if name.endswith(".whl"))
             path = Path(self.enterContext(tempfile.TemporaryDirectory()), Path(name).name)

@@ -4,8 +4,6 @@ Pictures are arrays, (height, width) or (height, width, channels) of float32, an
 come together, by any keys: one threshold holds for all of them, so that a tile without features gets none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import TypeVar
 

@@ -237,7 +237,7 @@ fn nearest_half(value: f32) -> u16 {
     nearest | if value.is_sign_negative() { 0x8000 } else { 0 }
 }
 
-/// Why an image of a size on a side is not fetched. Nothing is written to it.
+/// Message of a fetch that is refused, of an image of a size on a side. Nothing is written to it.
 fn refused(asset: &Asset, size: u32) -> vrtm::Error {
     let mut out = vec![[7.0; 2]; (size * size) as usize];
     let mut image = ImageViewMut::from_texels("image", &mut out, [size; 2]).unwrap();

@@ -1,7 +1,5 @@
 """The options of `vrtm bake`: ten usual ones, and all others by group."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 from collections.abc import Iterator

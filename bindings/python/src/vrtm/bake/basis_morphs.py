@@ -1,7 +1,5 @@
 """Basis maps as geometry: the mesh, split until UVs in between are near enough in all frames, with morph targets."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

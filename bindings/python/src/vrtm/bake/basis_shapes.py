@@ -1,8 +1,6 @@
 """Morph targets as blend shapes of USD. UsdSkel blends points and normals, and no primvar: UVs are the points of a
 second mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdSkel, Vt
 

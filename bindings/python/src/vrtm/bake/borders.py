@@ -4,8 +4,6 @@ The choice follows from the scene as a whole and from options that all tasks of 
 --tiles: all tasks of a farm, and a bake that goes on where it stopped, choose the same.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """Geometry on the skin in Alembic archives: objects at rest, and the archive in which they move."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,8 +1,6 @@
 """Geometry on the skin in single frames: files that tasks of a farm write, from which the last bake makes the one of
 all frames without solving again."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

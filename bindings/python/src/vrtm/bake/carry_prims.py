@@ -1,7 +1,5 @@
 """Geometry on the skin as arrays: its points at rest, and their places in a pose."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Geometry on the skin in USD files: prims at rest, and the layer that moves them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

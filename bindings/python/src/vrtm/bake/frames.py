@@ -1,7 +1,5 @@
 """Lists of frames and tiles as text: `1-10x2,15`. A frame is an int, or a float where it is none: one between two."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from fractions import Fraction

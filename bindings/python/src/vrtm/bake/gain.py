@@ -6,8 +6,6 @@ that a sequence has either all of its files or none. All tiles of a layer have f
 up by one name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np

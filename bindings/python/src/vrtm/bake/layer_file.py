@@ -1,7 +1,5 @@
 """The USD layer over what was baked."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from collections.abc import Callable, Iterator

@@ -10,8 +10,6 @@ To add an entry, append a `LeftOut` to the list that is nearest, and give no war
 Nothing that depends on a frame or names the mesh belongs into `why`: entries with equal words are told together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 

@@ -1,7 +1,5 @@
 """A mesh of the scene as the library has it, and the files that are written of it."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import time

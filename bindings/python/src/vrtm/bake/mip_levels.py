@@ -1,7 +1,5 @@
 """Textures as renderers read them in parts: tiled, with mip levels, by OpenImageIO's maketx."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 

@@ -1,7 +1,5 @@
 """Parts of an open scene that are left out, and why: by options, maps and the range, or since nothing is gained."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 
 from vrtm.bake import frames, gain

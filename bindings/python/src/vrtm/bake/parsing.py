@@ -1,7 +1,5 @@
 """The parser of all commands: kinds of options and of values, and messages of one line."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import re

@@ -1,7 +1,5 @@
 """The results of a bake as those find them who take them, compared with what was meant."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All that a bake prints and logs: about the scene when it is open, about each frame, and at the end."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

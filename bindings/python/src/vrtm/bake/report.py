@@ -1,7 +1,5 @@
 """The JSON report of a bake; docs/farm.md describes it."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

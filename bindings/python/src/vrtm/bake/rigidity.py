@@ -1,7 +1,5 @@
 """`vrtm rigidity`: rigidity maps out of textures, heights or detail."""
 
-from __future__ import annotations
-
 import argparse
 import glob
 import os

@@ -1,7 +1,5 @@
 """The course of a bake."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import math

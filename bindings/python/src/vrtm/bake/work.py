@@ -1,7 +1,5 @@
 """A scene with its meshes, opened for baking: what the main process checks with, and what each worker bakes with."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools

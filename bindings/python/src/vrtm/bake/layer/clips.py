@@ -1,8 +1,6 @@
 """Redirected corner UVs as value clips: a small file per shape and frame, which tasks of a farm write independently,
 and the metadata by which a mesh takes its values from them."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Callable, Iterable

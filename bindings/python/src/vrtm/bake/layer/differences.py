@@ -1,7 +1,5 @@
 """The layer as a program finds it that opens the shot with it, compared with its plan."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 

@@ -1,8 +1,6 @@
 """The maps that each face takes, and the GeomSubsets by which renderers tell the faces of different layers apart: no
 renderer needs a choice between maps in its shaders."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

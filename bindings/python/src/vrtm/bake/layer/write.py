@@ -1,7 +1,5 @@
 """Writes the layer over a shot."""
 
-from __future__ import annotations
-
 import functools
 import os
 from collections.abc import Iterator

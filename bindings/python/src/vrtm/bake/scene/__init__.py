@@ -1,7 +1,5 @@
 """Scenes as numpy arrays: meshes with UVs, and their positions frame by frame, from USD, Alembic or OBJ files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext

@@ -1,7 +1,5 @@
 """When a file has samples, and which of its times are frames."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Types that all readers of scenes share: options, shapes, the error, and the interface of a reader."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 

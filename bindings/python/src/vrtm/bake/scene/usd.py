@@ -1,7 +1,5 @@
 """USD: which meshes of a stage are shapes, and where they are frame by frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cached_property

@@ -1,7 +1,5 @@
 """One mesh of a USD stage: faces, UVs, rest, poses, and values per vertex."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property

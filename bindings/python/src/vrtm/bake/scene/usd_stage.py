@@ -1,7 +1,5 @@
 """USD stages: opened, their files, frames and units, and which of their meshes a renderer shows; messages of USD."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os
