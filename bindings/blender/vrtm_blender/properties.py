@@ -173,7 +173,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
         "alike, and in a crowd some look worse",
         min=0,
         max=16,
-        default=5,
+        default=7,
     )
     calm: FloatProperty(
         name="Calm",
