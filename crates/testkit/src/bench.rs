@@ -1,4 +1,4 @@
-//! What the benches share: how they begin and end, and words and numbers of their tables.
+//! Parts of benches: their beginning and end, and words and numbers of their tables.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

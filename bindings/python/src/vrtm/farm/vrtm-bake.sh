@@ -1,8 +1,8 @@
 #!/bin/bash
 # vrtm farm-template --slurm
 # A bake as jobs of Slurm: an array of tasks that bake the frames, and a job after them that writes the files of all
-# frames. `bash vrtm-bake.sh TASKS SCENE OPTION...` submits both; SCENE and what follows are the arguments of `vrtm bake`.
-# The same command again bakes what is missing.
+# frames. `bash vrtm-bake.sh TASKS SCENE OPTION...` submits both jobs with the arguments of `vrtm bake` after TASKS. The
+# same command again bakes the files that are missing.
 #SBATCH --job-name=vrtm
 #SBATCH --cpus-per-task=4
 #SBATCH --mem=8G

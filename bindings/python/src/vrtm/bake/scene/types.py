@@ -39,7 +39,7 @@ class SceneOptions:
     """Names or paths of meshes, or paths of what they lie below; `*`, `?` and `[...]` are wildcards. Empty: all meshes
     that have UVs."""
     exclude: tuple[str, ...] = ()
-    """The same of meshes that are left out."""
+    """Names or paths of meshes that are left out, with the same wildcards."""
     uv: tuple[str, ...] = ()
     """Names of UV sets: of these each mesh takes the first that it has. Empty: the scene's default (`st`, or the only
     one, in USD, the mesh's own in Alembic, the only one in OBJ)."""
