@@ -7,9 +7,9 @@
 
 use std::time::Instant;
 
-use vrtm::{SolveOptions, TileSettings};
+use vrtm::SolveOptions;
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, long, on_all_cores, scenes};
+use vrtm_testkit::{self, Model, change_all, long, on_all_cores, scenes};
 
 const GRID: u32 = 256;
 
@@ -75,10 +75,7 @@ fn run(case: &Case) -> Row {
     let Case { model, frame, tile, .. } = *case;
     let mut asset = model.asset(1, GRID);
     // Multipliers would be part of the energy.
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { harm: 0.0, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    change_all(&mut asset, |settings| settings.harm = 0.0);
     let mut results = Vec::new();
     let mut ms = [0.0; 2];
     for (k, max_corrections) in [None, Some(7)].into_iter().enumerate() {

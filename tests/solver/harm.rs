@@ -4,7 +4,7 @@ use vrtm::{Asset, SolveOptions, Solver, Strided, TileSettings};
 use vrtm_testkit::features::dense::dense;
 use vrtm_testkit::features::of_asset;
 use vrtm_testkit::scenes::{analytic, creature};
-use vrtm_testkit::{Model, bits};
+use vrtm_testkit::{Model, bits, change_all};
 
 /// A sheet that bulges under features as near to each other as two cells: one that keeps its shape bends others.
 fn crowd() -> Model {
@@ -12,10 +12,7 @@ fn crowd() -> Model {
 }
 
 fn set(asset: &mut Asset, harm: f32) {
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { harm, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    change_all(asset, |settings| settings.harm = harm);
 }
 
 /// Solves a part of the way from rest to the first frame, and returns that pose.

@@ -18,6 +18,7 @@ import scenes
 from bake_scenes import files, image, opened, pixels, run, sheet_arguments, with_material
 from conftest import centres, grid
 from vrtm.bake import borders
+from vrtm.bake.neighbours import World
 from vrtm.bake.scene import SceneOptions
 from vrtm.bake.work import Work
 from vrtm.borders import kept_or_shut
@@ -292,6 +293,11 @@ def test_meshes_meet_in_the_world(tmp_path: Path, own: tuple, place: tuple, more
     stage.Save()
     named = ("body",) if more == "unnamed" else ()
     assert open_borders(tmp_path / "shot.usda", named) == {"slide" if slides else "fixed"}
+
+
+def test_points_meet_on_all_sides() -> None:
+    for side in np.ndindex(2, 2, 2):
+        assert World(np.zeros((1, 3))).meets(World(1.8 * np.array([side]) - 0.9), 1.0)
 
 
 def test_meshes_of_alembic_meet_in_the_world(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_faces_uvs_and_frames(tmp_path: Path, subd: bool) -> None:
     assert (shape.name, shape.path, shape.uv_name) == ("mesh", "/group/mesh", "uv")
     assert shape.indices.tolist() == shape.uv_indices.tolist() == FACES and shape.face_counts.tolist() == [4, 4]
     assert shape.uvs.tolist() == [list(uv) for uv in UVS] and shape.rest.tolist() == [list(p) for p in POINTS]
-    assert scene.frames == (1, 2, 3) and shape.scheme == ("catmullClark" if subd else "")
+    assert scene.frames == (1, 2, 3) and shape.scheme == ("catmullClark" if subd else "") and shape.left_handed
     for frame, x in ((0, 2), (1, 2), (2, 2.1), (2.5, 2.15), (3, 2.2), (9, 2.2)):
         assert scene.positions(shape, frame)[2, 0] == pytest.approx(x)
 
