@@ -11,10 +11,6 @@ fn crowd() -> Model {
     dense(&analytic::bulge().into())
 }
 
-fn set(asset: &mut Asset, harm: f32) {
-    change_all(asset, |settings| settings.harm = harm);
-}
-
 /// Solves a part of the way from rest to the first frame, and returns that pose.
 fn solve(model: &Model, asset: &mut Asset, part: f32, warm: bool) -> Vec<[f32; 3]> {
     let ends = model.rest.iter().zip(&model.frames[0]);
@@ -51,7 +47,7 @@ fn hardly_a_feature_comes_out_worse() {
     let model = crowd();
     let mut asset = model.asset(0, 512);
     let [with, without] = [7.0, 0.0].map(|harm| {
-        set(&mut asset, harm);
+        change_all(&mut asset, |settings| settings.harm = harm);
         let pose = solve(&model, &mut asset, 1.0, false);
         errors(&model, &pose, &asset)
     });
@@ -64,7 +60,7 @@ fn nothing_changes_where_none_is_worse() {
     let model = Model::from(analytic::squash(0.7));
     let [with, without] = [7.0, 0.0].map(|harm| {
         let mut asset = model.asset(0, 256);
-        set(&mut asset, harm);
+        change_all(&mut asset, |settings| settings.harm = harm);
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         bits(&asset)
     });
@@ -83,9 +79,9 @@ fn it_leaves_nothing_behind() {
     let expected = solved(&mut one, 1.0);
     solved(&mut four, 0.5);
     assert!(solved(&mut four, 1.0) == expected);
-    set(&mut four, 0.0);
+    change_all(&mut four, |settings| settings.harm = 0.0);
     assert!(solved(&mut four, 1.0) != expected);
-    set(&mut four, 7.0);
+    change_all(&mut four, |settings| settings.harm = 7.0);
     assert!(solved(&mut four, 1.0) == expected);
 }
 
@@ -95,7 +91,7 @@ fn the_papers_solver_does_not_have_it() {
     let pbd = SolveOptions { solver: Solver::Pbd, ..SolveOptions::default() };
     let [with, without] = [7.0, 0.0].map(|harm| {
         let mut asset = model.asset(0, 64);
-        set(&mut asset, harm);
+        change_all(&mut asset, |settings| settings.harm = harm);
         asset.solve(model.frame(4), &pbd).unwrap();
         bits(&asset)
     });

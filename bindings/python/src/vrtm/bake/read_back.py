@@ -1,6 +1,7 @@
 """The results of a bake as those find them who take them, compared with what was meant."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -42,7 +43,5 @@ def maps(work: Work, results: Sequence[FrameResult]) -> Iterator[str]:
 def morphed(work: Work, path: str, mesh: MeshWork, frames: list[Frame]) -> Iterator[str]:
     """A mesh with morph targets: USD, or glTF if a parser is installed."""
     of = basis_differences.of_gltf if path.endswith(".glb") else basis_differences.of_usd
-    try:
+    with suppress(ImportError):
         yield from (f"{path}: {what}" for what in of(path, work, mesh, frames))
-    except ImportError:
-        return
