@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::LazyLock;
 
 use exr::prelude::read_first_rgba_layer_from_file;
 
@@ -49,6 +50,16 @@ pub fn succeed(arguments: &[&str]) -> (String, String) {
         printed,
         said.lines().filter(|line| !line.contains("are too few:")).map(|line| format!("{line}\n")).collect(),
     )
+}
+
+/// The folder of one bake of the built-in scene, with its film, and what it printed. Its frame 5 is strained most.
+pub fn mug() -> &'static (PathBuf, (String, String)) {
+    static MUG: LazyLock<(PathBuf, (String, String))> = LazyLock::new(|| {
+        let out = folder("mug");
+        let said = succeed(&["--size", "64", "--frames", "5,1,5", "--out", text(&out)]);
+        (out, said)
+    });
+    &MUG
 }
 
 /// The size and the UVs of an EXR file, which has 0 in B.

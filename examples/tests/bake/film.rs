@@ -8,7 +8,7 @@ use image::codecs::png::PngDecoder;
 use image::imageops::crop_imm;
 use image::{AnimationDecoder, Frame, RgbaImage};
 
-use crate::common::{folder, succeed, text};
+use crate::common::mug;
 
 /// Side of each half, and the height of its label.
 const SIDE: u32 = 400;
@@ -32,9 +32,7 @@ fn halves(picture: &RgbaImage) -> [RgbaImage; 2] {
 
 #[test]
 fn the_mesh_turns_between_rest_and_its_worst_pose_and_nothing_jumps_or_is_cut_off() {
-    let out = folder("film");
-    succeed(&["--size", "64", "--frames", "5,1", "--no-sheet", "--out", text(&out)]);
-    let path = out.join("turning.png");
+    let path = mug().0.join("turning.png");
     assert!(fs::metadata(&path).expect("a film").len() < 4_000_000);
     let frames = pictures(&path);
     let times: Vec<u32> = frames.iter().map(|frame| frame.delay().numer_denom_ms().0).collect();

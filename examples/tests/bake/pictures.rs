@@ -1,26 +1,25 @@
 //! The built-in scenes: their files, and their sheets.
 
-use crate::common::{folder, names, read_exr, succeed, text};
+use crate::common::{folder, mug, names, read_exr, succeed, text};
 
 #[test]
 fn the_built_in_scene_gives_exactly_its_files() {
-    let out = folder("mug");
-    let (table, warnings) = succeed(&["--size", "64", "--frames", "2,4,2", "--out", text(&out)]);
+    let (out, (table, warnings)) = mug();
     let expected = [
-        "redirect.0002.1001.exr",
-        "redirect.0004.1001.exr",
-        "sheet.0002.png",
-        "sheet.0004.png",
+        "redirect.0001.1001.exr",
+        "redirect.0005.1001.exr",
+        "sheet.0001.png",
+        "sheet.0005.png",
         "turning.png",
-        "warp.0002.1001.exr",
-        "warp.0004.1001.exr",
+        "warp.0001.1001.exr",
+        "warp.0005.1001.exr",
     ];
-    assert_eq!((names(&out), warnings.as_str()), (expected.map(String::from).to_vec(), ""));
+    assert_eq!((names(out), warnings.as_str()), (expected.map(String::from).to_vec(), ""));
     assert!(table.contains("1001") && table.contains("->"), "{table}");
 
-    let (width, height, redirect) = read_exr(&out.join("redirect.0004.1001.exr"));
+    let (width, height, redirect) = read_exr(&out.join("redirect.0005.1001.exr"));
     assert_eq!((width, height), (64, 64));
-    let (columns, rows, warp) = read_exr(&out.join("warp.0004.1001.exr"));
+    let (columns, rows, warp) = read_exr(&out.join("warp.0005.1001.exr"));
     assert_eq!((columns, rows), (65, 65));
     let mut largest = 0.0f32;
     for (k, uv) in redirect.into_iter().enumerate() {

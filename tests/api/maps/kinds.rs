@@ -67,20 +67,26 @@ fn further_channels_are_zero_and_the_coverage_of_charts() {
     assert!(nodes.chunks_exact(3).zip(plain.chunks_exact(2)).all(|(a, b)| a == [b[0], b[1], 0.0]));
 }
 
-/// The UVs of each face.
-fn faces(model: &Model) -> Vec<Vec<[f64; 2]>> {
+/// The UVs of a face, and their lowest and highest.
+type Face = (Vec<[f64; 2]>, [[f64; 2]; 2]);
+
+fn faces(model: &Model) -> Vec<Face> {
     let uv = |c: usize| model.uvs[model.uv_indices[c] as usize].map(f64::from);
-    model.faces().map(|face| face.map(uv).collect()).collect()
+    let bounds = |[low, high]: [[f64; 2]; 2], x: &[f64; 2]| {
+        [[0, 1].map(|c| x[c].min(low[c])), [0, 1].map(|c| x[c].max(high[c]))]
+    };
+    let bounded = |corners: Vec<[f64; 2]>| {
+        let ends = corners.iter().fold([[9.0; 2], [-9.0; 2]], bounds);
+        (corners, ends)
+    };
+    model.faces().map(|face| bounded(face.map(uv).collect())).collect()
 }
 
 /// Depth of a point inside the convex face that it is deepest in; negative outside of all.
-fn depth(faces: &[Vec<[f64; 2]>], p: [f64; 2]) -> f64 {
+fn depth(faces: &[Face], p: [f64; 2]) -> f64 {
     let mut deepest = f64::NEG_INFINITY;
-    for corners in faces {
-        let far = |c: usize| {
-            let (low, high) = corners.iter().fold((9.0f64, -9.0f64), |(l, h), x| (l.min(x[c]), h.max(x[c])));
-            p[c] < low - 1e-3 || p[c] > high + 1e-3
-        };
+    for (corners, [low, high]) in faces {
+        let far = |c: usize| p[c] < low[c] - 1e-3 || p[c] > high[c] + 1e-3;
         if far(0) || far(1) {
             continue;
         }
