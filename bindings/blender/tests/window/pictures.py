@@ -12,8 +12,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 IMAGES = Path(__file__).resolve().parents[4] / "docs" / "images"
 PAPER, INK = (255, 255, 255), (20, 20, 20)
-# Left, top, right, bottom: the window without its title and its status bar, and the 3D view alone.
-WINDOW, VIEW = (0, 50, 1600, 970), (50, 110, 1225, 940)
+# Left, top, right, bottom: the window without its title and its status bar.
+WINDOW = (0, 50, 1600, 970)
 
 
 def titled(*parts: tuple[str, Image.Image]) -> Image.Image:
@@ -42,9 +42,6 @@ def main(folder: str) -> None:
         "rigidity": titled(
             ("the menu Rigidity Map", cut("3_menu", (1150, 385, 1592, 705))),
             ("Adjust Last Operation", cut("3_from_texture", (50, 650, 500, 970))),
-        ),
-        "strain": titled(
-            ("its own UVs", cut("4_strain_before", VIEW, 560)), ("vrtm", cut("4_strain_after", VIEW, 560))
         ),
     }
     for name, picture in made.items():
