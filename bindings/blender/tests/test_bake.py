@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from support import Arm, Case, bpy, load, part
+from support import Arm, Case, bpy, each, load, part
 
 
 class Bake(Case):
@@ -38,6 +38,25 @@ class Bake(Case):
             self.assertSame(np.ascontiguousarray(both[..., :2]), arm.delta(asset))
         self.assertEqual(set(bpy.data.images.keys()), images)
         self.assertFalse(part("session").baking)
+
+    @each("hidden", (False, True))
+    def test_the_pose_that_is_rendered(self, hidden):
+        """A modifier that is on in renders alone is baked as it is rendered, also of an object that is hidden there."""
+        arm = Arm.with_studs()
+        arm.object.hide_render = hidden
+        cast, folder, scene = arm.object.modifiers.new("cast", "CAST"), self.settings(4, 4), bpy.context.scene
+        cast.factor = 0.4
+        scene.frame_set(4)
+        with_it = arm.pose()
+        cast.show_viewport = False
+        asset, engine, objects = arm.asset(), scene.render.engine, len(bpy.data.objects)
+        asset.solve(with_it)
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        found = load(os.path.join(folder, "arm.redirect.1001.0004.exr"))
+        self.assertSame(np.ascontiguousarray(found[..., :2]), arm.delta(asset))
+        self.assertEqual((scene.render.engine, len(bpy.data.objects)), (engine, objects))
+        self.assertEqual(arm.object.hide_render, hidden)
+        self.assertIn("'cast' is on in renders and bakes alone, so the pose is another there", self.notes(arm.object))
 
     def test_given_up_in_the_middle(self):
         arm = Arm.with_studs()

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import exr, geometry, layers, live, nodes, result_image, session, solve, states
+from . import exr, layers, live, nodes, result_image, session, solve, states
 from .messages import Problem
+from .rendered import evaluation
 
 if TYPE_CHECKING:
     import vrtm
@@ -88,10 +89,12 @@ class FrameBake:
         session.baking = True
         try:
             self.begin()
-            for frame in self.frames:
-                scene.frame_set(frame)
-                depsgraph = bpy.context.evaluated_depsgraph_get()
-                yield frame, [path for obj in self.objects() for path in self.bake(obj, depsgraph, frame)]
+            with evaluation(scene) as poses_of:
+                for frame in self.frames:
+                    scene.frame_set(frame)
+                    objects = self.objects()
+                    poses = zip(objects, poses_of(objects))
+                    yield frame, [path for obj, pose in poses for path in self.bake(obj, pose, frame)]
             self.finish()
             whole = True
         finally:
@@ -118,8 +121,8 @@ class FrameBake:
     def begin(self) -> None:
         """Checks, before anything is written, that nothing of others is replaced. Raises a Problem."""
 
-    def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
-        """Bakes a frame of an object; returns the files."""
+    def bake(self, obj: bpy.types.Object, pose: np.ndarray, frame: int) -> list[Path]:
+        """Bakes a frame of an object, in the pose that a render has; returns the files."""
         raise NotImplementedError
 
     def finish(self) -> None:
@@ -167,9 +170,9 @@ class Bake(FrameBake):
         # Files that killed bakes have left.
         session.library("vrtm.bake.staging").sweep(str(self.folder))
 
-    def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+    def bake(self, obj: bpy.types.Object, pose: np.ndarray, frame: int) -> list[Path]:
         asset, layout, parts = self._prepared(obj)
-        asset.solve(geometry.pose(obj, depsgraph), **solve.options_of(obj))
+        asset.solve(pose, **solve.options_of(obj))
         images = [result_image.redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
         written = []
         for place, layer in parts:

@@ -88,10 +88,10 @@ class Bake(FrameBake):
             raise Problem("two carried objects have names that make the same file names: rename one")
         check_free(outputs, self.overwrite)
 
-    def bake(self, skin: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+    def bake(self, skin: bpy.types.Object, pose: np.ndarray, frame: int) -> list[Path]:
         state = states.state_of(skin)
         solve.prepare(skin, state)
-        state.asset.solve(geometry.pose(skin, depsgraph), **solve.options_of(skin))
+        state.asset.solve(pose, **solve.options_of(skin))
         moved, written = state.prepared.carriers.fetch(), []
         for obj in self._things(skin):
             own = moved.get(obj.session_uid)

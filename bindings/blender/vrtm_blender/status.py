@@ -127,6 +127,11 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     if (copying := tap.copies(obj)) is not None:
         text = f"{copying.name} makes copies in front of what deforms: they show the redirection of the mesh's own part"
         found.append(Line(text, "INFO"))
+    for modifier in tap.working(obj):
+        if modifier.show_viewport != modifier.show_render and modifier.type in tap.DEFORMING | {"NODES"}:
+            where = "renders and bakes" if modifier.show_render else "the viewport"
+            told = f"Modifier {modifier.name!r} is on in {where} alone, so the pose is another there"
+            found.append(Line(told, "INFO"))
     if on_seams := dict(figures(obj)).get("On seams"):
         text = f"{on_seams} on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
         found.append(Line(text, "INFO"))
