@@ -43,12 +43,13 @@ class Features(Case):
         # In Status, in the sidebar, and in the menu, which has it always.
         self.assertEqual(shown.count("Show Worst Feature"), 3)
         # Many of them take the tick away, and a few do not.
+        arm.add_material()
+        bpy.ops.vrtm.set_up_material()
         for numbers, icon in (({}, "INFO"), ({"painted": 19, "worse": 1}, "INFO"), ({"painted": 20}, "CHECKMARK")):
             state.features = dataclasses.replace(state.features, **numbers)
             self.assertEqual(self.line(arm.object), ("Up to date", icon))
         self.assertIn("1 of 20 features is worse than without vrtm", self.notes(arm.object))
         # A material by UV map shows other features than those that were counted.
-        arm.add_material()
         bpy.ops.vrtm.set_up_material(by="uv_map")
         self.assertNotIn("Worse", self.shown(arm.object))
 

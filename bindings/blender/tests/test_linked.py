@@ -33,7 +33,10 @@ class LinkedCase(Case):
         inner = bpy.data.node_groups.new("skin group", "ShaderNodeTree")
         inner.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
         add_texture(picture("albedo", studs(64)), inner.nodes.new("NodeGroupOutput").inputs[0]).image.pack()
-        nodes_of(material).nodes.new("ShaderNodeGroup").node_tree = inner
+        tree = nodes_of(material)
+        group = tree.nodes.new("ShaderNodeGroup")
+        group.node_tree = inner
+        tree.links.new(group.outputs[0], tree.nodes["Principled BSDF"].inputs["Base Color"])
         arm.mesh.materials.append(material)
         arm.paint_image().pack()
         prepare(arm)
@@ -80,7 +83,7 @@ class Linked(LinkedCase):
         [slot] = obj.material_slots
         self.assertEqual((slot.link, slot.material.library), ("OBJECT", None))
         # The texture lies in a group, which is a copy, too.
-        redirected = part("materials").redirected(slot.material.node_tree)
+        redirected = part("picture").redirected(slot.material)
         self.assertEqual([(node.image.name, node.id_data.library) for node in redirected], [("albedo", None)])
         self.assertEqual(part("nodes").image_of(next(iter(part("nodes").groups_of(obj)))), settings.image)
         self.untouched(obj)
@@ -121,7 +124,7 @@ class Linked(LinkedCase):
         self.assertIsNone(obj.vrtm.image.library)
         shown = self.shown(obj)
         self.assertIn("Not what it should be: see Status", shown)
-        self.assertIn("Material 'skin' is linked, and shows what its own file has: press Set Up by Image", shown)
+        self.assertIn("as its own file has it, since material 'skin' is linked: press Set Up by Image", self.notes(obj))
         self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
         self.assertIn("Up to date", self.shown(obj))
         [group] = [tree for tree in part("nodes").used_by(obj) if part("nodes").is_ours_tree(tree)]

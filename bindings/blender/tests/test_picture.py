@@ -29,8 +29,7 @@ class Picture(Case):
 
     def source(self):
         """The node that the group has its UVs from."""
-        group = next(node for node in self.tree.nodes if part("nodes").is_ours(node))
-        return group.inputs["UV"].links[0].from_node
+        return self.group().inputs["UV"].links[0].from_node
 
     def test_a_uv_map_that_is_renamed_or_replaced(self):
         arm = self.arm()
@@ -64,21 +63,163 @@ class Picture(Case):
         bpy.ops.vrtm.set_up_material()
         self.assertEqual(self.source().uv_map, "Main")
         self.ticked(arm)
-        # The artist's own nodes, also in groups, and by attribute.
-        group = bpy.data.node_groups.new("own", "ShaderNodeTree")
-        self.tree.nodes.new("ShaderNodeGroup").node_tree = group
-        own = group.nodes.new("ShaderNodeUVMap")
-        own.uv_map = "gone"
-        self.wrong(arm, "of 'own' reads UV map 'gone', which the mesh does not have: choose another one there")
-        own.uv_map = "Main"
-        attribute = self.tree.nodes.new("ShaderNodeAttribute")
-        attribute.attribute_name = "lost"
+        # The artist's own nodes, and by attribute.
+        second, own = self.second(arm), self.new("UVMap", uv_map="gone")
+        self.tree.links.new(own.outputs["UV"], second.inputs["Vector"])
+        self.wrong(arm, "reads UV map 'gone', which the mesh does not have: choose another one there")
+        self.tree.nodes.remove(second)
+        attribute = self.new("Attribute", attribute_name="lost")
         self.ticked(arm)
-        ours = next(node for node in self.tree.nodes if part("nodes").is_ours(node))
-        self.tree.links.new(attribute.outputs["Vector"], ours.inputs["UV"])
+        self.tree.links.new(attribute.outputs["Vector"], self.group().inputs["UV"])
         self.wrong(arm, "reads UV map 'lost'")
         # Geometry Nodes may make it.
         arm.object.modifiers.new("it", "NODES")
+        self.assertEqual(self.updated(arm)[0], "Not known to be right: see Status")
+
+    def group(self):
+        return next(node for node in self.tree.nodes if part("nodes").is_ours(node))
+
+    def new(self, kind, **settings):
+        return part("trees").node(self.tree, f"ShaderNode{kind}", 0, 0, **settings)
+
+    @property
+    def vector(self):
+        """The input of the texture that there was at first."""
+        return self.tree.nodes["Image Texture"].inputs["Vector"]
+
+    def textured(self, name, tree=None, socket="Base Color"):
+        shader = node_of(tree or nodes_of(bpy.data.materials.new(name)), "ShaderNodeBsdfPrincipled")
+        return add_texture(picture(name, studs(64)), shader.inputs[socket])
+
+    def second(self, arm, name="tattoo"):
+        """A texture that is added to the material."""
+        return self.textured(name, self.tree, "Roughness")
+
+    def other_material(self, arm):
+        self.textured("tattoo")
+        arm.object.material_slots[0].material = bpy.data.materials["tattoo"]
+
+    def on_half_of_the_faces(self, arm):
+        self.textured("tattoo")
+        arm.mesh.materials.append(bpy.data.materials["tattoo"])
+        for face in arm.mesh.polygons[len(arm.mesh.polygons) // 2 :]:
+            face.material_index = 1
+
+    def other_map(self, arm, into):
+        """The UVs of another map go into this socket."""
+        arm.mesh.uv_layers.new(name="other")
+        self.tree.links.new(self.new("UVMap", uv_map="other").outputs["UV"], into)
+
+    def another_map_alone(self, arm):
+        bpy.ops.vrtm.clear_material()
+        self.other_map(arm, self.vector)
+        self.refused("no Image Texture that reads UV map 'UVMap'", bpy.ops.vrtm.set_up_material)
+
+    def mixed(self, arm):
+        """Half of the way."""
+        operate, others = part("trees").operate, self.new("UVMap").outputs["UV"]
+        both = operate(self.tree, "VectorMath", "ADD", 0, 0, self.group().outputs["UV"], others)
+        half = operate(self.tree, "VectorMath", "MULTIPLY", 0, 0, both, (0.5, 0.5, 0.5))
+        self.tree.links.new(half, self.vector)
+
+    def nested(self, arm):
+        """The redirection, muted, within a group of the artist's."""
+        outside, tree = self.group(), bpy.data.node_groups.new("own", "ShaderNodeTree")
+        for in_out in ("OUTPUT", "INPUT"):
+            tree.interface.new_socket("UV", in_out=in_out, socket_type="NodeSocketVector")
+        end, ours, begin = (tree.nodes.new(kind) for kind in ("NodeGroupOutput", outside.bl_idname, "NodeGroupInput"))
+        ours.node_tree, ours.mute, outside.node_tree = outside.node_tree, True, tree
+        for one, other in ((begin, ours), (ours, end)):
+            tree.links.new(one.outputs[0], other.inputs[0])
+        self.tree.links.new(node_of(self.tree, "ShaderNodeTexCoord").outputs["UV"], outside.inputs["UV"])
+        self.tree.links.new(outside.outputs["UV"], self.vector)
+
+    @each(
+        "change, words, mended",
+        (
+            (other_material, "'tattoo' is not redirected: press Set Up by Image", True),
+            (on_half_of_the_faces, "'tattoo' is not redirected: press Set Up by Image", True),
+            (second, "'tattoo' is not redirected: press Set Up by Image", True),
+            (
+                lambda self, arm: setattr(self.group().inputs["Strength"], "default_value", 0),
+                "at Strength 0: press",
+                True,
+            ),
+            (lambda self, arm: setattr(self.group(), "mute", True), "is redirected by a muted node, 'Group'", True),
+            (another_map_alone, "while what is rigid is on 'UVMap': choose 'other' as UV Map", False),
+            (lambda self, arm: bpy.ops.vrtm.clear_material(), "'arm albedo' is not redirected", True),
+            # Ways that are like these.
+            (lambda self, arm: setattr(self.vector.links[0], "is_muted", True), "'arm albedo' is not redirected", True),
+            (mixed, "'arm albedo' is redirected in part alone: press Set Up by Image", True),
+            (
+                lambda self, arm: self.other_map(arm, self.group().inputs["UV"]),
+                "at UV map 'other' in place of 'UVMap': choose 'UVMap' in node 'UV Map', or 'other' as UV Map",
+                False,
+            ),
+            (nested, "redirected by a muted node", True),
+            (lambda self, arm: self.tree.nodes.remove(self.source()), "at no UV map ('Group'): press Set Up", True),
+            (lambda self, arm: setattr(arm.object.vrtm, "write_image", False), "switch Image on in Quality", False),
+            (lambda self, arm: arm.object.modifiers.new("it", "UV_WARP"), "'it' moves the UVs, which vrtm", False),
+        ),
+    )
+    def test_a_texture_that_is_not_redirected(self, change, words, mended):
+        arm = self.arm()
+        self.ticked(arm)
+        change(self, arm)
+        self.wrong(arm, words)
+        if mended:
+            bpy.ops.vrtm.set_up_material()
+            self.ticked(arm)
+
+    @each("by", ("image", "uv_map"))
+    def test_what_needs_no_redirection(self, by):
+        arm = self.arm(by=by, along=60, around=40)
+        # A texture that nothing shows, one of other coordinates, a slot that no face uses, one of the object's own, and
+        # nodes behind the group.
+        self.new("TexImage", image=picture("unused", studs(64)))
+        self.second(arm, "box").projection = "BOX"
+        self.textured("other")
+        arm.mesh.materials.append(bpy.data.materials["other"])
+        slot, material = arm.object.material_slots[0], arm.object.active_material
+        slot.link, slot.material = "OBJECT", material
+        mapping = self.new("Mapping")
+        mapping.inputs["Scale"].default_value = (2, 3, 1)
+        self.tree.links.new(self.group().outputs["UV"], mapping.inputs["Vector"])
+        self.tree.links.new(mapping.outputs["Vector"], self.vector)
+        self.ticked(arm)
+        self.assertEqual(bpy.ops.vrtm.check(), {"FINISHED"})
+        self.assertLess(max(part("states").find_state(arm.object).measured.values()), 0.2)
+        self.ticked(arm)
+
+    def strength_of_nodes(self, value):
+        node = self.new("Value")
+        node.outputs[0].default_value = value
+        self.tree.links.new(node.outputs[0], self.group().inputs["Strength"])
+
+    def mapping_in_front(self, scale):
+        mapping = self.new("Mapping")
+        mapping.inputs["Scale"].default_value = (scale, scale, 1)
+        self.tree.links.new(node_of(self.tree, "ShaderNodeTexCoord").outputs["UV"], mapping.inputs["Vector"])
+        self.tree.links.new(mapping.outputs["Vector"], self.group().inputs["UV"])
+
+    @each("change, off", ((strength_of_nodes, 0.25), (mapping_in_front, 2)))
+    def test_what_nodes_do_not_tell_is_measured(self, change, off):
+        def number():
+            return [len(of) for of in (bpy.data.materials, bpy.data.node_groups, bpy.data.meshes, bpy.data.scenes)]
+
+        arm, before = self.arm(), number()
+        change(self, 1)
+        self.assertEqual(self.updated(arm), ("Not known to be right: see Status", "ERROR"))
+        self.assertIn("press Check the Picture", self.notes(arm.object))
+        self.assertEqual(bpy.ops.vrtm.check(), {"FINISHED"})
+        self.ticked(arm)
+        self.assertEqual(before, number())
+        change(self, off)
+        bpy.context.view_layer.update()
+        self.assertNotEqual(self.line(arm.object)[1], "CHECKMARK")
+        self.refused("'arm albedo' is .* of the way off the result, as measured", bpy.ops.vrtm.check)
+        self.wrong(arm, "as measured: press Set Up by Image")
+        bpy.ops.vrtm.set_up_material()
         self.ticked(arm)
 
     def test_modifiers_in_front_of_the_armature(self):
@@ -271,23 +412,27 @@ class Picture(Case):
             group.links.new(begin.outputs["UV"], texture.inputs["Vector"])
         self.assertEqual(part("textures").colour_image(arm.object), image)
         self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
-        self.assertEqual(own.redirected(self.tree), [texture])
+        self.assertEqual(part("picture").redirected(arm.object.active_material), [texture])
         count = [len([n for n in tree.nodes if part("nodes").is_ours(n)]) for tree in trees]
         self.assertEqual(count, [1, 0, 0] if wired else [0, 0, 1])
         bpy.ops.vrtm.set_up_material()
-        self.assertEqual(sum(len(own._instances(tree)) for tree in trees[:1]), 1)
+        self.assertEqual(sum(len(own.instances(tree)) for tree in trees[:1]), 1)
         # A duplicate has groups of its own.
         bpy.ops.object.duplicate()
         other = bpy.context.view_layer.objects.active
         self.update()
         self.assertEqual(own.of_others(other), [])
         self.assertEqual(own.of_others(arm.object), [])
-        self.assertEqual(len(own.redirected(other.active_material.node_tree)), 1)
+        self.assertEqual(len(part("picture").redirected(other.active_material)), 1)
         bpy.context.view_layer.objects.active = arm.object
         other.select_set(False)
         bpy.ops.vrtm.clear_material()
-        self.assertEqual(own.redirected(self.tree), [])
-        # Others use it, too: it is named.
+        self.assertEqual(part("picture").redirected(arm.object.active_material), [])
+        # Others use it, too: it is named, unless its UVs come from outside.
         keep = bpy.data.materials.new("keep")
         nodes_of(keep).nodes.new("ShaderNodeGroup").node_tree = trees[1]
-        self.refused("in group 'inner|in group 'outer", bpy.ops.vrtm.set_up_material)
+        if wired:
+            self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
+            self.ticked(arm)
+        else:
+            self.refused("in group 'inner|in group 'outer", bpy.ops.vrtm.set_up_material)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from . import dilate, geometry, materials, session
+from . import dilate, geometry, materials, picture, session
 
 AUTO = "auto"
 # Vertices that are nearer to one another than that share of a mesh's size are at one place.
@@ -31,9 +31,7 @@ def chosen(obj: bpy.types.Object) -> Borders:
     settings = obj.vrtm
     if AUTO not in (settings.seams, settings.open_borders):
         return Borders(settings.seams, settings.open_borders)
-    looked_up = [
-        node.image for material in materials.materials_of(obj) for node in materials.redirected(material.node_tree)
-    ]
+    looked_up = [node.image for material in materials.materials_of(obj) for node in picture.redirected(material)]
     ends = [image.name for image in looked_up if not dilate.is_dilated(image, settings.seam_reach)]
     if looked_up and not ends and not settings.keep_direction:
         found, why = ("continue", "fixed" if settings.goes_on else "slide"), "all textures are dilated"

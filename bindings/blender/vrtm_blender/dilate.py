@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import layers, maps, materials, nodes, packed, session
+from . import layers, maps, materials, packed, picture, session
 from .messages import Problem
 from .packed import WHOLE
 
@@ -26,7 +26,7 @@ REACH, STAMP = "vrtm_reach", "vrtm_stamp"
 
 def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
     """The Image Texture nodes of the object's materials that are looked up at redirected UVs; no moving pictures."""
-    found = [node for material in materials.materials_of(obj) for node in materials.redirected(material.node_tree)]
+    found = [node for material in materials.materials_of(obj) for node in picture.redirected(material)]
     return [node for node in found if node.image.source not in ("SEQUENCE", "MOVIE", "VIEWER")]
 
 
@@ -79,9 +79,8 @@ def restore(obj: bpy.types.Object) -> list[str]:
     kept."""
     before = {}
     for material in materials.materials_of(obj):
-        trees = nodes.reach(material.node_tree, alone=False)
-        for node in [node for tree in trees for node in nodes.own_textures(tree)]:
-            if (image := node.image) is not None and image.vrtm_original is not None and is_copy(image):
+        for node, _ in picture.textures(material, drawn=False):
+            if node.id_data.library is None and (image := node.image).vrtm_original is not None and is_copy(image):
                 before[image] = None
                 node.image = image.vrtm_original
     return _let_go(before)

@@ -63,6 +63,9 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if session.writing or session.rendering or session.baking:
         return
     live.doubt()
+    if any(isinstance(update.id, (bpy.types.Material, bpy.types.NodeTree)) for update in depsgraph.updates):
+        for state in states.known.values():
+            state.measured = {}
     ids = [(update.id.original, update.is_updated_geometry) for update in depsgraph.updates]
     meshes = {changed for changed, _ in ids if isinstance(changed, bpy.types.Mesh)}
     images = {changed for changed, _ in ids if isinstance(changed, bpy.types.Image)}

@@ -110,14 +110,10 @@ def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
 
 def used_by(obj: bpy.types.Object) -> set[bpy.types.NodeTree]:
     """The node groups in the object's materials, and in these groups."""
-    found: set[bpy.types.NodeTree] = set()
-    ahead = [slot.material.node_tree for slot in obj.material_slots if slot.material is not None]
-    while ahead:
-        tree = ahead.pop()
-        inner = {node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"} if tree else set()
-        ahead += inner - {None} - found
-        found |= inner
-    return found
+    own = [slot.material.node_tree for slot in obj.material_slots if slot.material is not None]
+    trees = [inner for tree in own for inner in reach(tree, alone=False, linked=True)]
+    groups = [node for tree in trees for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"]
+    return {node.node_tree for node in groups} - {None}
 
 
 def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
@@ -277,9 +273,8 @@ def reach(
     return found
 
 
-def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """The artist's Image Texture nodes of a material's tree."""
-    return [node for node in _textures(tree) if not result_image.is_result(node.image)]
+def is_own_texture(node: bpy.types.Node) -> bool:
+    return node.bl_idname == "ShaderNodeTexImage" and not result_image.is_result(node.image)
 
 
 def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:

@@ -136,6 +136,7 @@ class VRTM_PT_material(_Part, bpy.types.Panel):
         row.operator("vrtm.set_up_material", text="Set Up by Image").by = "image"
         row.operator("vrtm.set_up_material", text="By UV Map").by = "uv_map"
         layout.operator("vrtm.dilate")
+        layout.operator("vrtm.check")
         layout.operator("vrtm.clear_material")
 
 
@@ -237,7 +238,7 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         for names in (
             ("set_up", "update", "worst_feature", "capture_rest"),
-            ("set_up_material", "dilate", "clear_material"),
+            ("set_up_material", "dilate", "check", "clear_material"),
             ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"),
             ("bake", "use_baked", "use_live", "remove_all"),
         ):

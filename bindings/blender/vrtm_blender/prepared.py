@@ -218,6 +218,15 @@ class Prepared:
             self.kept["whole"] = strain.whole_share(self.mesh.topology, self._rigidity)
         return self.kept["whole"]
 
+    def rigid_faces(self) -> np.ndarray:
+        """True for faces with something rigid, (faces,)."""
+        if "faces" not in self.kept:
+            counts = self.mesh.topology.face_counts.astype(np.int64)
+            faces = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
+            rigid = strain.rigid_samples(self.mesh.topology.triangles, self.mesh.topology.uvs, self._rigidity).any(1)
+            self.kept["faces"] = np.bincount(faces, rigid, len(counts)) > 0
+        return self.kept["faces"]
+
     def features_on_seams(self) -> int:
         """The number of features of a painted image on seams that do not continue."""
         if not self.painted or self.asset.tiles[0].settings.seams == "continue":

@@ -64,6 +64,8 @@ class State:
     notes: list[str] = field(default_factory=list)
     figures: list[tuple[str, str]] = field(default_factory=list)
     features: Features = field(default_factory=Features)
+    # As picture.py has them.
+    measured: dict[tuple[str, str], float] = field(default_factory=dict)
     looked_at: int = 0  # presses of Show Worst Feature since then
 
     @property

@@ -11,7 +11,7 @@ import blf
 import bpy
 import numpy as np
 
-from . import borders, carry, dilate, geometry, keep, materials, nodes, result_image, results, states, tap
+from . import borders, carry, dilate, geometry, keep, nodes, picture, result_image, results, states, tap
 from .features import Features
 
 
@@ -48,11 +48,15 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
         if state.frame != scene.frame_current:
             return Line(f"Out of date: shows frame {state.frame}", "ERROR")
         return Line("Out of date: press Update Now", "ERROR")
-    if wrong(obj):
+    answer = picture.ask(obj)
+    if answer.wrong or wrong(obj):
         return Line("Not what it should be: see Status", "ERROR")
+    if answer.unsure:
+        return Line("Not known to be right: see Status", "ERROR")
     if dict(state.figures).get("Rigid") == "0 %":
         return Line("Nothing is rigid yet: see Status", "INFO")
-    return Line("Up to date", "INFO" if state.notes or state.features.are_many_worse else "CHECKMARK")
+    noted = state.notes or state.features.are_many_worse or not answer.shows
+    return Line("Up to date", "INFO" if noted else "CHECKMARK")
 
 
 def summary(obj: bpy.types.Object) -> str:
@@ -80,16 +84,9 @@ def shown(obj: bpy.types.Object) -> states.State | None:
 
 
 def wrong(obj: bpy.types.Object) -> list[str]:
-    """Reasons why the picture differs from the result, in sentences, whatever the result is worth."""
+    """Reasons beside the materials' nodes why the picture differs from the result, in sentences."""
     found = []
-    for node, name in materials.lost_maps(obj):
-        text = f"Node {node.name!r} of {node.id_data.name!r} reads UV map {name!r}, which the mesh does not have"
-        mended = materials.MADE in node or nodes.is_ours_tree(node.id_data)
-        found.append(f"{text}: {'press Set Up by Image' if mended else 'choose another one there'}")
-    for material in materials.of_other_files(obj):
-        found.append(f"Material {material.name!r} is linked, and shows what its own file has: press Set Up by Image")
-    rendered = next((layer.name for layer in obj.data.uv_layers if layer.active_render), "")
-    if rendered in geometry.result_names(obj.data):
+    if (rendered := picture.rendered(obj)) in geometry.result_names(obj.data):
         found.append(f"UV map {rendered!r}, which is a result, is the one that renders: have the texture's render")
     lengths = np.linalg.svd(np.array(obj.matrix_world)[:3, :3], compute_uv=False)
     if lengths[0] > 1.001 * lengths[2]:
@@ -117,7 +114,10 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     lost = results.missing(obj) if expected else None
     if lost is not None:
         found.append(Line(f"{lost}: press Update Now", "ERROR"))
-    found += [Line(text, "ERROR") for text in wrong(obj)]
+    answer = picture.ask(obj)
+    found += [Line(text, "ERROR") for text in answer.wrong + answer.unsure + wrong(obj)]
+    if not (answer.shows or answer.wrong):
+        found.append(Line("No material shows the result: press Set Up by Image once one has an Image Texture", "INFO"))
     frames = nodes.baked_frames(obj)
     if settings.shows_baked and (text := not_baked(obj, scene, frames)) is not None:
         found.append(Line(text, "ERROR"))

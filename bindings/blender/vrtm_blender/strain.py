@@ -88,7 +88,7 @@ Rigidity = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 def whole_share(topology: Topology, rigidity: Rigidity) -> float:
     """The share of the rigid part of the UV map in triangles that are rigid as a whole; 1 without any."""
     corners = topology.triangles
-    rigid = _rigid(corners, topology.uvs, rigidity)
+    rigid = rigid_samples(corners, topology.uvs, rigidity)
     area = areas(topology.uvs[corners])
     total = (area * rigid.mean(1)).sum()
     return float((area * rigid.all(1)).sum() / total) if total else 1.0
@@ -105,7 +105,7 @@ def of_features(topology: Topology, rest: np.ndarray, pose: np.ndarray, shown: n
     sides[~whole] = moved[~whole] = np.eye(2)
     before, after = (np.linalg.norm(m @ _inverse(n), axis=-2) for m, n in ((at_rest, sides), (posed, moved)))
     strained = ((after / np.where(whole[:, None], before, 1) - 1) ** 2).mean(-1)
-    weights = area * whole * _rigid(corners, shown, rigidity).mean(1)
+    weights = area * whole * rigid_samples(corners, shown, rigidity).mean(1)
     return float((weights * strained).sum() / max(weights.sum(), 1e-300)) ** 0.5
 
 
@@ -123,7 +123,7 @@ def located(uvs: np.ndarray, at: np.ndarray) -> tuple[int, np.ndarray]:
     return found, nearest / nearest.sum()
 
 
-def _rigid(corners: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> np.ndarray:
+def rigid_samples(corners: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> np.ndarray:
     """Rigidity of fifteen points of each triangle, (triangles, 15) bool: features may be smaller than a triangle."""
     lattice = (np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) + 1 / 3) / 5
     each, weights = np.repeat(corners, len(lattice), 0), np.tile(lattice, (len(corners), 1))

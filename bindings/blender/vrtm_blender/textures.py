@@ -5,18 +5,15 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import materials, nodes, result_image, session
+from . import materials, picture, result_image, session
 
 HEIGHTS = ("ShaderNodeBump", "ShaderNodeDisplacement")
 
 
 def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
     """The Image Texture nodes of the object's materials, the active one's first, without this add-on's images."""
-    own = [material.node_tree for material in materials.materials_of(obj)]
     # Also those in other files' groups, which are only read.
-    trees = [tree for each in own for tree in nodes.reach(each, alone=False, linked=True)]
-    found = [node for tree in trees for node in nodes.own_textures(tree)]
-    return [node for node in found if node.image is not None]
+    return [node for of in materials.materials_of(obj) for node, _ in picture.textures(of, drawn=False)]
 
 
 def colour_image(obj: bpy.types.Object) -> bpy.types.Image | None:

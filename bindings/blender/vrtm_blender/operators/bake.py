@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import bake, layers, live, messages, nodes, session, states
+from .. import bake, layers, live, measure, messages, nodes, session, states
 from ..messages import Problem, text_of
 from .base import OnObject, Polled
 
@@ -151,6 +151,12 @@ class VRTM_OT_bake(BakesFrames, bpy.types.Operator):
     bl_label = "Bake to Disk"
     bl_options = {"REGISTER"}
     make = bake.Bake
+
+    def begin(self, context: bpy.types.Context) -> bool:
+        for obj in self.objects(context):
+            for text in measure.told(obj, context.evaluated_depsgraph_get()):
+                self.report({"WARNING"}, text)
+        return super().begin(context)
 
 
 CLASSES = (VRTM_OT_bake, VRTM_OT_use_baked, VRTM_OT_use_live)

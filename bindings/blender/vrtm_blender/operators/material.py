@@ -5,13 +5,13 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import borders, dilate, geometry, live, materials, nodes, results, solve, states
+from .. import borders, dilate, geometry, live, materials, measure, nodes, picture, results, solve, states
 from ..messages import Problem
 from .base import OnObject
 
 
 class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
-    """Redirect the UVs of the image textures of the active material, of all selected objects. A material that other
+    """Redirect the UVs of the image textures of all materials, of all selected objects. A material that other
     objects use is copied first"""
 
     bl_idname = "vrtm.set_up_material"
@@ -25,7 +25,9 @@ class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
             (nodes.BY_UV_MAP, "UV Map", "Through the result UV map: cheaper, and enough on a fine mesh"),
         ],
     )
-    all_materials: BoolProperty(name="All Materials", description="All of the object's materials", default=False)
+    all_materials: BoolProperty(
+        name="All Materials", description="All of the object's materials, or the active one", default=True
+    )
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         slots = [slot for slot in obj.material_slots if slot.material is not None]
@@ -34,22 +36,31 @@ class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
             slots = [slot for slot in slots if slot.slot_index == active]
         if not slots:
             raise Problem(f"{obj.name} has no material: give it one with an Image Texture")
-        number = redirect(context, obj, slots, self.by)
+        number, without = redirect(context, obj, slots, self.by)
+        if len(without) == len(slots):
+            raise next(iter(without.values()))
         return f"{obj.name}: {number} image textures are looked up at redirected UVs"
 
 
-def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.types.MaterialSlot], by: str) -> int:
-    """Has materials look up redirected UVs; returns the number of textures. Raises a Problem before anything is
-    changed."""
+def redirect(
+    context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.types.MaterialSlot], by: str
+) -> tuple[int, dict[str, materials.NoTexture]]:
+    """Has materials look up redirected UVs; returns the number of textures, and the materials that have none. Raises a
+    Problem before anything is changed."""
     if results.missing(obj) is not None:
         solve.run(obj, context.evaluated_depsgraph_get())
     source = geometry.source_uv_layer(obj)
     if by == nodes.BY_UV_MAP and geometry.is_linked(obj):
         raise Problem(f"{obj.name}: its mesh is linked, and cannot take a UV map: press Set Up by Image")
+    fit, without = [], {}
     for slot in slots:
-        materials.check(obj, slot.material, source)
+        try:
+            materials.check(obj, slot.material, source)
+            fit.append(slot)
+        except materials.NoTexture as problem:
+            without[slot.material.name] = problem
     shown = nodes.shows_uv_map(obj)
-    for slot in slots:
+    for slot in fit:
         material = materials.own_material(obj, slot)
         group = nodes.group_by_image(obj) if by == nodes.BY_IMAGE else nodes.group_by_uv_map(obj)
         materials.insert(obj, material, source, group)
@@ -57,21 +68,18 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
         # Its strain is another one.
         states.state_of(obj).rewrite = True
         solve.run(obj, context.evaluated_depsgraph_get())
-    return sum(len(materials.redirected(slot.material.node_tree)) for slot in slots)
+    states.state_of(obj).measured = {}
+    return sum(len(picture.redirected(slot.material)) for slot in fit), without
 
 
 def set_up(context: bpy.types.Context, obj: bpy.types.Object) -> str:
     """Sets up the materials, and switches Live on, once there is a rigidity; returns what was done, in words."""
-    number, without = 0, []
-    for slot in [slot for slot in obj.material_slots if slot.material is not None]:
-        try:
-            number += redirect(context, obj, [slot], nodes.BY_IMAGE)
-        except materials.NoTexture:
-            without.append(repr(slot.material.name))
+    slots = [slot for slot in obj.material_slots if slot.material is not None]
+    number, without = redirect(context, obj, slots, nodes.BY_IMAGE)
     if number:
         done = f"{number} image textures are looked up at redirected UVs"
     elif without:
-        done = f"{', '.join(without)} has no Image Texture to be redirected"
+        done = f"{', '.join(map(repr, without))} has no Image Texture to be redirected"
     else:
         done = "it has no material yet: press Set Up again when it has one"
     obj.vrtm.live = True
@@ -82,7 +90,7 @@ def clear(obj: bpy.types.Object) -> tuple[int, str]:
     """Takes the redirection out of the materials; returns the number of node groups, and a text on what is kept."""
     painted = dilate.restore(obj)
     own = [material for material in materials.materials_of(obj) if material.library is None]
-    removed = sum(map(materials.remove, own))
+    removed = sum(map(materials.clear, own))
     nodes.remove_unused_groups()
     return removed, kept_text(painted)
 
@@ -126,7 +134,26 @@ class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
         return f"{obj.name}: {removed} node groups removed" + kept
 
 
+class VRTM_OT_check(OnObject, bpy.types.Operator):
+    """Measure whether the materials show the result of this frame: where they look their textures up is rendered, and
+    compared with it"""
+
+    bl_idname = "vrtm.check"
+    bl_label = "Check the Picture"
+    bl_options = {"REGISTER"}
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        number = measure.measure(obj, context.evaluated_depsgraph_get())
+        answer = picture.ask(obj)
+        if answer.wrong or answer.unsure:
+            raise Problem("; ".join(answer.wrong + answer.unsure))
+        if not number:
+            raise Problem(f"{obj.name}: no texture is looked up at redirected UVs: press Set Up by Image")
+        return f"{obj.name}: {number} lookups of textures show the result"
+
+
 CLASSES = (
+    VRTM_OT_check,
     VRTM_OT_set_up_material,
     VRTM_OT_dilate,
     VRTM_OT_clear_material,
