@@ -217,6 +217,10 @@ class Picture(Case):
         change(self, off)
         bpy.context.view_layer.update()
         self.assertNotEqual(self.line(arm.object)[1], "CHECKMARK")
+        # A bake measures it, too, where it is not known.
+        self.bakes_to(self.scratch(), 5, 5)
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        self.assertIn("of the way off the result, as measured", self.notes(arm.object))
         self.refused("'arm albedo' is .* of the way off the result, as measured", bpy.ops.vrtm.check)
         self.wrong(arm, "as measured: press Set Up by Image")
         bpy.ops.vrtm.set_up_material()

@@ -50,11 +50,7 @@ def ask(obj: bpy.types.Object) -> Answer:
     except Problem:
         # It is told where a solve is asked for.
         return answer
-    slots, state, rigid = slots_of(obj), states.find_state(obj), None
-    if state is not None and state.job is None and state.asset is not None:
-        faces = state.prepared.rigid_faces()
-        rigid = set(slots[faces]) if len(faces) == len(slots) else None
-    measured = measured_of(obj)
+    slots, measured = slots_of(obj), measured_of(obj)
     for number, material in materials_of(obj, slots):
         # Names of images, by their reason and the remedy.
         found: dict[tuple[str, str], dict[str, None]] = {}
@@ -80,7 +76,7 @@ def ask(obj: bpy.types.Object) -> Answer:
                 fault = None if share < TOLERANCE else (text, remedy)
             if fault is not None:
                 found.setdefault(fault, {})[texture.image.name] = None
-        if elsewhere and not shows and not found and rigid is not None and number in rigid:
+        if elsewhere and not shows and not found and _is_rigid(obj, slots == number):
             name, other = elsewhere[0]
             remedy = f"choose {other!r} as UV Map, or {source!r} in the material"
             found[f"looked up at UV map {other!r}, while what is rigid is on {source!r}", remedy] = {name: None}
@@ -94,6 +90,15 @@ def ask(obj: bpy.types.Object) -> Answer:
         if modifier.type in MOVING_UVS and (modifier.show_viewport or modifier.show_render):
             answer.wrong.append(f"Modifier {modifier.name!r} moves the UVs, which vrtm does not see: apply it")
     return answer
+
+
+def _is_rigid(obj: bpy.types.Object, faces: np.ndarray) -> bool:
+    """True if something is rigid on chosen faces, as far as the object was solved."""
+    state = states.find_state(obj)
+    if state is None or state.job is not None or state.asset is None:
+        return False
+    rigid = state.prepared.rigid_faces()
+    return len(rigid) == len(faces) and bool((rigid & faces).any())
 
 
 def measured_of(obj: bpy.types.Object) -> dict[tuple[str, str], float]:
@@ -160,7 +165,7 @@ def slots_of(obj: bpy.types.Object) -> np.ndarray:
 
 def materials_of(obj: bpy.types.Object, slots: np.ndarray) -> list[tuple[int, bpy.types.Material]]:
     """The slots that occur in `slots`, and their materials, which have nodes."""
-    numbers = [int(number) for number in np.unique(slots) if number < len(obj.material_slots)]
+    numbers = np.flatnonzero(np.bincount(slots, minlength=1)).tolist() if len(obj.material_slots) else []
     found = [(number, obj.material_slots[number].material) for number in numbers]
     return [(number, of) for number, of in found if of is not None and of.node_tree is not None]
 
