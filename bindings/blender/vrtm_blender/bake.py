@@ -186,14 +186,17 @@ class Bake(FrameBake):
         return written
 
 
-def save(pixels: np.ndarray, path: Path, obj: bpy.types.Object, kind: str, frame: int, more: Mapping) -> None:
+def save(
+    pixels: np.ndarray, path: Path, obj: bpy.types.Object, kind: str, frame: int, more: Mapping, halves: bool = False
+) -> None:
     """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all. It says
-    whose it is, and `more`."""
+    whose it is, and `more`. `halves`: in 16 bits."""
     # The kind is the mark by which a file is known as one that may be replaced.
     facts = {"vrtm:kind": kind, "vrtm:mesh": obj.name, "vrtm:frame": frame, "vrtm:version": session.library().version()}
     facts |= more
     try:
-        session.library("vrtm.bake.staging").write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
+        staging = session.library("vrtm.bake.staging")
+        staging.write(str(path), lambda temporary: exr.write(temporary, pixels, facts, halves))
     except OSError as error:
         raise Problem(f"{path} cannot be written: {error.strerror or error}") from error
 

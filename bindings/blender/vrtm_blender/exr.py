@@ -27,10 +27,11 @@ _LEVEL = 4
 _TYPES = {1: "<f2", 2: "<f4"}
 
 
-def write(path: str, pixels: np.ndarray, facts: Mapping[str, str | int]) -> None:
-    """Writes (height, width, 4) float32 pixels, the bottom row first. `facts` are attributes. Raises OSError."""
+def write(path: str, pixels: np.ndarray, facts: Mapping[str, str | int], halves: bool = False) -> None:
+    """Writes (height, width, 4) float32 pixels, the bottom row first. `facts` are attributes. `halves`: as floats of 16
+    bits. Raises OSError."""
     with open(path, "wb") as file:
-        _write(file, pixels, facts, 2)
+        _write(file, pixels, facts, 1 if halves else 2)
 
 
 def halves(pixels: np.ndarray) -> bytes:

@@ -142,20 +142,25 @@ def _tiles_of_files(image: bpy.types.Image, paths: dict[int, str]) -> dict[int |
     """The pixels of an image's tiles out of files that were written for that."""
     found: dict[int | None, np.ndarray] = {}
     for number, path in paths.items():
-        loaded = bpy.data.images.load(path)
-        try:
-            if not loaded.size[0]:
-                # Blender saves a PNG without a word of a disk that is full.
-                raise Problem(
-                    f"image {image.name!r}: the painted tiles cannot be read: is there room in {tempfile.gettempdir()}?"
-                )
-            # No conversion: the numbers are those of the image's buffer.
-            loaded.colorspace_settings.name = image.colorspace_settings.name
-            loaded.alpha_mode = image.alpha_mode
-            found[number] = _pixels(loaded)
-        finally:
-            bpy.data.images.remove(loaded)
+        # No conversion: the numbers are those of the image's buffer.
+        pixels = of_file(path, image.colorspace_settings.name, image.alpha_mode)
+        if pixels is None:
+            # Blender saves a PNG without a word of a disk that is full.
+            raise Problem(
+                f"image {image.name!r}: the painted tiles cannot be read: is there room in {tempfile.gettempdir()}?"
+            )
+        found[number] = pixels
     return found
+
+
+def of_file(path: str, space: str = "Non-Color", alpha: str = "CHANNEL_PACKED") -> np.ndarray | None:
+    """The pixels of a file as Blender reads it, (height, width, channels); None if it cannot."""
+    loaded = bpy.data.images.load(path)
+    try:
+        loaded.colorspace_settings.name, loaded.alpha_mode = space, alpha
+        return _pixels(loaded) if loaded.size[0] else None
+    finally:
+        bpy.data.images.remove(loaded)
 
 
 def _save_copy(image: bpy.types.Image, path: str) -> None:

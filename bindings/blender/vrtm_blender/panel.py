@@ -169,6 +169,10 @@ class VRTM_PT_bake(_Part, bpy.types.Panel):
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked
         layout.operator("vrtm.use_live" if baked else "vrtm.use_baked")
+        column = layout.column(heading="Games")
+        column.prop(settings, "poses")
+        column.prop(settings, "error")
+        column.operator("vrtm.bake_basis", icon="EXPORT")
 
 
 class VRTM_PT_status(_Panel, bpy.types.Panel):
@@ -240,7 +244,7 @@ class VRTM_MT_object(bpy.types.Menu):
             ("set_up", "update", "worst_feature", "capture_rest"),
             ("set_up_material", "dilate", "check", "clear_material"),
             ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"),
-            ("bake", "use_baked", "use_live", "remove_all"),
+            ("bake", "bake_basis", "use_baked", "use_live", "remove_all"),
         ):
             for name in names:
                 made = layout.operator(f"vrtm.{name}")

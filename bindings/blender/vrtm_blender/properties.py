@@ -265,6 +265,24 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
         "textures and caches, is never replaced",
         update=None,
     )
+    poses: EnumProperty(
+        name="Poses",
+        description="The poses that Bake for Games fits its maps to",
+        items=[
+            ("KEYS", "Shape Keys", "Each shape key at its full value: the weights of shape keys drive the maps"),
+            ("FRAMES", "Frames", "The frames of the bake: an animation drives the maps"),
+        ],
+        update=None,
+    )
+    error: FloatProperty(
+        name="Largest Error",
+        description="By how much a sum of the maps may miss a pose's own redirection, in texels of a texture of 4096: "
+        "less takes more maps",
+        min=0.1,
+        max=256,
+        default=8,
+        update=None,
+    )
 
 
 def register() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import bake, layers, live, measure, messages, nodes, session, states
+from .. import bake, basis, layers, live, measure, messages, nodes, session, states
 from ..messages import Problem, text_of
 from .base import OnObject, Polled
 
@@ -159,4 +159,19 @@ class VRTM_OT_bake(BakesFrames, bpy.types.Operator):
         return super().begin(context)
 
 
-CLASSES = (VRTM_OT_bake, VRTM_OT_use_baked, VRTM_OT_use_live)
+class VRTM_OT_bake_basis(BakesFrames, bpy.types.Operator):
+    """For games: a few maps driven by shape keys, or by frames, in place of a map per pose, and a glb whose UVs morph
+    with its shape, of all selected objects that are set up. All is read back. Esc ends it"""
+
+    bl_idname = "vrtm.bake_basis"
+    bl_label = "Bake for Games"
+    bl_options = {"REGISTER"}
+    make = basis.Bake
+
+    def finish(self) -> set[str]:
+        for text in self._bake.told:
+            self.report({"INFO"}, text)
+        return {"FINISHED"}
+
+
+CLASSES = (VRTM_OT_bake, VRTM_OT_bake_basis, VRTM_OT_use_baked, VRTM_OT_use_live)

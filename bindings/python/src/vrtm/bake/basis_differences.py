@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vrtm.bake.frames import Frame
-from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.scene.axes import Axes, placed
 from vrtm.bake.scene.topology import fans
-from vrtm.bake.work import Work
+from vrtm.basis import gltf
+
+if TYPE_CHECKING:
+    # What has no images, such as Blender, has none of their package.
+    from vrtm.bake.mesh_work import MeshWork
+    from vrtm.bake.work import Work
 
 _NEAR = 2e-3
 """Of the size of the mesh or of a tile: morph targets are sums."""
@@ -44,39 +49,31 @@ class Surface:
             yield f"its UVs are off by {off:.3g} in the mean"
 
 
-def of_gltf(path: str, work: Work, mesh: MeshWork, frames: Sequence[Frame]) -> Iterator[str]:
-    """Differences of a binary glTF. Raises ImportError without pygltflib."""
-    from pygltflib import GLTF2
-
-    file = GLTF2().load(path)
-
-    def values(number: int) -> np.ndarray:
-        of = file.accessors[number]
-        kind, width = {5126: "<f4", 5125: "<u4"}[of.componentType], {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[of.type]
-        start = (file.bufferViews[of.bufferView].byteOffset or 0) + (of.byteOffset or 0)
-        return np.frombuffer(file.binary_blob(), kind, of.count * width, start).reshape(-1, width).astype(np.float64)
-
-    rows = [np.zeros(0), np.zeros(0)]
-    if file.animations:
-        (sampler,) = file.animations[0].samplers
-        times, weights = values(sampler.input).ravel(), values(sampler.output)
-        seconds = np.array([work.scene.seconds(frame) for frame in frames])
-        if len(times) != len(seconds) or not np.allclose(times, seconds - seconds[0], atol=1e-4):
+def of_gltf(path: str, seconds: Sequence[float], meant: Mapping[int, tuple[str, Surface]]) -> Iterator[str]:
+    """Differences of a binary glTF. `seconds`: the times of its poses; `meant`: names and surfaces of poses, by their
+    numbers."""
+    with open(path, "rb") as file:
+        document, values = gltf.read(file.read())
+    [mesh], weights = document["meshes"], np.zeros((len(seconds), 0))
+    for animation in document.get("animations", ()):
+        [sampler] = animation["samplers"]
+        times, found = values(sampler["input"]).ravel(), values(sampler["output"])
+        if len(times) != len(seconds) or not np.allclose(times, np.array(seconds) - seconds[0], atol=1e-4):
             yield f"its {len(times)} poses are not at the times of {len(seconds)} frames"
             return
-        rows = weights.reshape(len(times), -1)[[0, -1]]
-    for frame, row in zip((frames[0], frames[-1]), rows):
+        weights = found.reshape(len(times), -1)
+    for number, (name, surface) in meant.items():
         corners, uvs = [], []
-        for primitive in file.meshes[0].primitives:
-            points, of = values(primitive.attributes.POSITION), values(primitive.attributes.TEXCOORD_0)
-            tile = int(file.materials[primitive.material].name) - 1001
-            triangles = values(primitive.indices).astype(int).reshape(-1, 3)
+        for primitive in mesh["primitives"]:
+            points, of = (values(primitive["attributes"][kind]) for kind in ("POSITION", "TEXCOORD_0"))
+            tile = int(document["materials"][primitive["material"]]["name"]) - 1001
+            triangles = values(primitive["indices"]).astype(int).reshape(-1, 3)
             uvs.append(((0, 1) + of * (1, -1) + (tile % 10, tile // 10))[triangles])
-            for weight, target in zip(row, primitive.targets or ()):
+            for weight, target in zip(weights[number], primitive.get("targets", ())):
                 points = points + weight * values(target["POSITION"])
             corners.append(points[triangles])
         found = Surface(np.concatenate(corners), np.concatenate(uvs))
-        yield from (f"frame {frame}: {what}" for what in found.differs(_meant(work, mesh, frame, True)))
+        yield from (f"{name}: {what}" for what in found.differs(surface))
 
 
 def of_usd(path: str, work: Work, mesh: MeshWork, frames: Sequence[Frame]) -> Iterator[str]:
@@ -97,10 +94,10 @@ def of_usd(path: str, work: Work, mesh: MeshWork, frames: Sequence[Frame]) -> It
     for frame, time in zip((frames[0], frames[-1]), times):
         points = np.array(own.GetPointsAttr().Get(time), np.float64)
         found = Surface(points[triangles], uvs[triangles])
-        yield from (f"frame {frame}: {what}" for what in found.differs(_meant(work, mesh, frame, False)))
+        yield from (f"frame {frame}: {what}" for what in found.differs(meant(work, mesh, frame, False)))
 
 
-def _meant(work: Work, mesh: MeshWork, frame: Frame, in_gltf: bool) -> Surface:
+def meant(work: Work, mesh: MeshWork, frame: Frame, in_gltf: bool) -> Surface:
     """The mesh in its own space, or in the world of glTF, whose transforms stay as they are at rest."""
     shape, axes = mesh.shape, work.scene.source.axes if in_gltf else Axes()
     to_world = work.scene.source.to_world(shape, None) if in_gltf else np.eye(4)

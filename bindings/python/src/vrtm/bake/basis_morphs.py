@@ -1,19 +1,26 @@
 """Basis maps as geometry: the mesh, split until UVs in between are near enough in all frames, with morph targets."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import vrtm
 from vrtm.bake.frames import Frame
-from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.raster import area
+from vrtm.bake.scene import Shape
 from vrtm.bake.scene.axes import GLTF, placed
 from vrtm.bake.scene.topology import fans
-from vrtm.bake.work import Work
 from vrtm.basis.gltf import Morph, glb
 from vrtm.basis.morph import morphs
+
+if TYPE_CHECKING:
+    # What has no images, such as Blender, has none of their package.
+    from vrtm.bake.mesh_work import MeshWork
+    from vrtm.bake.work import Work
 
 _TOLERANCE = 1 / 2048
 """In UV: the least error that the mesh is split for, that of a texture of 4096 by two texels."""
@@ -37,7 +44,7 @@ class Morphed:
     left_handed: bool
     """True if the front of a triangle is where its corners go round clockwise."""
     targets: list[Morph]
-    frames: Sequence[Frame]
+    frames: Sequence[Frame | str]
     weights: np.ndarray
     """(frames, targets)."""
     figures: dict
@@ -74,9 +81,25 @@ def morphed(
     def solve(k: int) -> None:
         part.solve(frames[k], poses[k], mesh.tiles, False, mesh.releases, settings.warm, stop)
 
-    tolerance = max(settings.bound, _TOLERANCE)
+    return of_poses(mesh.shape, part.asset, poses, solve, frames, names, weights, settings.bound, settings.texture_size)
+
+
+def of_poses(
+    shape: Shape,
+    asset: vrtm.Asset,
+    poses: Sequence[np.ndarray],
+    solve: Callable[[int], None],
+    frames: Sequence[Frame | str],
+    names: Sequence[str],
+    weights: np.ndarray,
+    bound: float,
+    texture_size: int,
+) -> Morphed:
+    """The same for a mesh with its asset, which `solve` solves for the pose with a number. `bound`: the error in UV;
+    `texture_size`: texels, for figures."""
+    tolerance = max(bound, _TOLERANCE)
     solve(0)
-    with part.asset.refine(tolerance=tolerance) as refinement:
+    with asset.refine(tolerance=tolerance) as refinement:
         between = refinement.info.error
         for k in range(1, len(frames)):
             solve(k)
@@ -102,24 +125,23 @@ def morphed(
     def refined(positions: np.ndarray) -> np.ndarray:
         return np.einsum("vsc,vs->vc", positions.astype(np.float64)[sources], shares)
 
-    rest, own = refined(mesh.shape.rest), pattern.corner_uvs[first].astype(np.float64)
+    rest, own = refined(shape.rest), pattern.corner_uvs[first].astype(np.float64)
     moved = np.stack([refined(pose) - rest for pose in poses])
     shifted = np.stack([uvs[first] - own for uvs in redirected])
-    size = float(np.ptp(mesh.shape.rest, axis=0).max(initial=0)) or 1.0
+    size = float(np.ptp(shape.rest, axis=0).max(initial=0)) or 1.0
     made, all_weights = morphs(names, weights, moved, shifted, _SHAPE * size)
     total = np.einsum("fm,mvc->fvc", all_weights, np.stack([morph.uvs for morph in made])) if made else 0 * shifted
-    off = np.linalg.norm(total - shifted, axis=-1).max(axis=1, initial=0) * settings.texture_size
+    off = np.linalg.norm(total - shifted, axis=-1).max(axis=1, initial=0) * texture_size
     turned = _areas(own + total, triangles) * _areas(own, triangles) < 0
     figures = {
         "triangles": len(triangles),
-        "mesh_triangles": len(fans(mesh.shape.face_counts)),
+        "mesh_triangles": len(fans(shape.face_counts)),
         "targets": [morph.name for morph in made],
         "error": float(off.max(initial=0)),
         "worst": frames[int(off.argmax())],
-        "error_between": between * settings.texture_size,
+        "error_between": between * texture_size,
         "folds": int(turned.sum(axis=1).max(initial=0)),
     }
-    shape = mesh.shape
     return Morphed(
         shape.name, rest, own, place[first], triangles, shape.left_handed, made, frames, all_weights, figures
     )

@@ -1,7 +1,6 @@
 """The results of a bake as those find them who take them, compared with what was meant."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 
 import numpy as np
 
@@ -41,7 +40,11 @@ def maps(work: Work, results: Sequence[FrameResult]) -> Iterator[str]:
 
 
 def morphed(work: Work, path: str, mesh: MeshWork, frames: list[Frame]) -> Iterator[str]:
-    """A mesh with morph targets: USD, or glTF if a parser is installed."""
-    of = basis_differences.of_gltf if path.endswith(".glb") else basis_differences.of_usd
-    with suppress(ImportError):
-        yield from (f"{path}: {what}" for what in of(path, work, mesh, frames))
+    """A mesh with morph targets: USD, or glTF."""
+    if path.endswith(".glb"):
+        seconds, ends = [work.scene.seconds(frame) for frame in frames], {0: frames[0], len(frames) - 1: frames[-1]}
+        meant = {k: (f"frame {of}", basis_differences.meant(work, mesh, of, True)) for k, of in ends.items()}
+        found = basis_differences.of_gltf(path, seconds, meant)
+    else:
+        found = basis_differences.of_usd(path, work, mesh, frames)
+    yield from (f"{path}: {what}" for what in found)

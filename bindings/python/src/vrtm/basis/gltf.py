@@ -3,13 +3,14 @@ these weights."""
 
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 _FLOAT, _UINT = 5126, 5125
 _ARRAY, _ELEMENTS = 34962, 34963
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class _Buffer:
             "bufferView": len(self.views) - 1,
             "componentType": kind,
             "count": len(packed),
-            "type": {1: "SCALAR", 2: "VEC2", 3: "VEC3"}[rows.shape[1]],
+            "type": [*_WIDTHS][rows.shape[1] - 1],
         }
         if limits:
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
@@ -100,3 +101,18 @@ def glb(
     chunks = ((b"JSON", text), (b"BIN\0", buffer.data))
     body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks)
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def read(data: bytes) -> tuple[dict, Callable[[int], np.ndarray]]:
+    """The document of a file, and a function from the number of an accessor to its values, (count, components) f64."""
+    length = struct.unpack_from("<I", data, 12)[0]
+    # A chunk's length and kind have four bytes each.
+    document, start = json.loads(data[20 : 20 + length]), 28 + length
+
+    def values(number: int) -> np.ndarray:
+        of = document["accessors"][number]
+        kind, width = {_FLOAT: "<f4", _UINT: "<u4"}[of["componentType"]], _WIDTHS[of["type"]]
+        at = start + document["bufferViews"][of["bufferView"]].get("byteOffset", 0) + of.get("byteOffset", 0)
+        return np.frombuffer(data, kind, of["count"] * width, at).reshape(-1, width).astype(np.float64)
+
+    return document, values
