@@ -297,7 +297,7 @@ class Picture(Case):
     def test_what_is_said_of_mesh_and_maps_lasts(self):
         arm = self.arm()
         settings = arm.object.vrtm
-        settings.grid, words = 16, "16 x 16 cells are too few"
+        settings.grid, words = 16, "too small for a grid of 16 cells, and take 256: press Final"
         arm.mesh.uv_layers["UVMap"].uv[0].vector = (-0.01, 0.06)
         for frame in (4, 3, 2):
             bpy.context.scene.frame_set(frame)

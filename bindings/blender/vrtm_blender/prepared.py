@@ -283,10 +283,22 @@ class Prepared:
             asset.close()
 
 
+# Warnings of the library in an artist's words, with what mends them: the values of an entry fill them in.
+WORDS = {
+    "nodes_at_gaps": "{0:.0f} points do not move, where UV edges nearly touch. Where they belong together, merge them "
+    "in the UV editor (UV > Merge > By Distance)",
+    "grid_too_coarse": "Features are too small for a grid of {0:.0f} cells, and take {2:.0f}: press Final",
+    "faces_clipped": "{0:.0f} faces reach out of their tile, where they stay as they are: move them in the UV editor",
+    "faces_outside": "{0:.0f} faces lie in no UV tile, where they stay as they are: move them in the UV editor",
+    "triangles_degenerate": "{0:.0f} triangles have no area in the UV map, and stay as they are: unwrap them",
+    "nothing_moves": "What is rigid cannot move: Mask, Seams or Overlaps hold all of it",
+    "pose_scale": "Edges are {0:.3g} times as long as at rest: choose another Rest, or press Capture Rest",
+    "pose_order": "{0:.0%} of edges are over 3 times as long as at rest: choose another Rest, or press Capture Rest",
+}
+
+
 def _in_artists_words(entry: vrtm.LogEntry) -> str:
-    if entry.code != "nodes_at_gaps":
+    if entry.code not in WORDS:
         return entry.message
-    return (
-        f"Tile {entry.udim}: {entry.values[0]:.0f} points do not move, where UV edges nearly touch. Where they belong "
-        "together, merge them in the UV editor (UV > Merge > By Distance)"
-    )
+    where = f"Tile {entry.udim}: " if entry.udim else ""
+    return where + WORDS[entry.code].format(*entry.values)
