@@ -1,5 +1,7 @@
 """An object as a whole: set up at one click, presets, duplicates, strength, and nothing left after Remove All."""
 
+import types
+
 import numpy as np
 
 import sample
@@ -184,6 +186,12 @@ class Objects(Case):
         other = self.arm("other")
         self.assertEqual(bpy.ops.vrtm.set_up(paint=True), {"FINISHED"})
         self.assertEqual(other.object.mode, "TEXTURE_PAINT")
+        # Where Blender's own brushes are not installed, none is chosen: a stand-in of the scene has none.
+        none = types.SimpleNamespace(brush=None)
+        scene = types.SimpleNamespace(tool_settings=types.SimpleNamespace(image_paint=none), frame_current=1)
+        lines = [line.text for line in part("status").notes(other.object, scene)]
+        self.assertEqual(sum("No brush is chosen" in text for text in lines), 1)
+        self.assertNotIn("No brush", self.notes(other.object))
         bpy.ops.object.mode_set(mode="OBJECT")
         self.assertEqual(bpy.context.scene.tool_settings.image_paint.canvas, other.object.vrtm.rigidity_image)
         # No tick while nothing is rigid.

@@ -10,7 +10,11 @@ class Panel(Case):
     def test_all_that_the_panels_name_is_there(self):
         arm = Arm()
         obj, settings = arm.object, arm.object.vrtm
-        self.assertIn("Update Now", self.shown(obj))
+        shown = self.shown(obj)
+        self.assertIn("Update Now", shown)
+        # The first line is under the mouse when the menu opens: it is no button.
+        begin = [shown.index(text) for text in ("White in a new image keeps its shape:", "Paint It")]
+        self.assertLess(begin[0], shown.index("From Texture", begin[0]))
         for source in ("NONE", "IMAGE", "VERTEX_GROUP", "ATTRIBUTE"):
             settings.rigidity_source = settings.mask_source = source
             self.shown(obj)

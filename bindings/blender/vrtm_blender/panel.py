@@ -226,9 +226,11 @@ class VRTM_MT_begin(bpy.types.Menu):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        layout.operator("vrtm.set_up", text="Paint It", icon="BRUSH_DATA").paint = True
+        # Under the mouse, where a double click on Set Up would press the first button.
+        layout.label(text="White in a new image keeps its shape:")
         for name, text, icon in (("texture", "From Texture", "TEXTURE"), ("heights", "From Geometry", "RNDCURVE")):
             layout.operator(f"vrtm.rigidity_from_{name}", text=text, icon=icon).set_up = True
+        layout.operator("vrtm.set_up", text="Paint It", icon="BRUSH_DATA").paint = True
 
 
 class VRTM_MT_object(bpy.types.Menu):

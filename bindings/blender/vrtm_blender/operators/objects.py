@@ -44,7 +44,7 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
             done.append(f"{new_image(obj, 1024).name!r} is to be painted on (Rigidity Map > Paint It)")
         done.append(set_up(context, obj))
         if self.paint and obj == context.object:
-            paint(context, obj)
+            done.append(paint(context, obj))
         return f"{obj.name}: {'; '.join(done)}"
 
 

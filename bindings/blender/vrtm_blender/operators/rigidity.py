@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, keep, live, maps, packed, textures
+from .. import geometry, keep, live, maps, packed, status, textures
 from ..messages import Problem
 from ..session import library
 from .base import OnObject
@@ -285,11 +285,11 @@ class VRTM_OT_paint(_OnImage, bpy.types.Operator):
     bl_label = "Paint It"
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        return f"{obj.name}: {paint(context, obj).name!r} is painted on: white keeps its shape"
+        return f"{obj.name}: {paint(context, obj)}"
 
 
-def paint(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Image:
-    """Begins to paint on the rigidity image of the active object."""
+def paint(context: bpy.types.Context, obj: bpy.types.Object) -> str:
+    """Begins to paint on the rigidity image of the active object; returns a sentence."""
     if not has_image(obj):
         raise Problem(f"{obj.name}: its rigidity is no image")
     image, source = obj.vrtm.rigidity_image, geometry.source_uv_layer(obj)
@@ -304,7 +304,8 @@ def paint(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Image:
         for of in (owner.unified_paint_settings, settings.brush):
             if of is not None:
                 of.color, of.secondary_color = (1, 1, 1), (0, 0, 0)
-    return image
+    lacking = f". {status.NO_BRUSH}" if settings.brush is None else ""
+    return f"{image.name!r} is painted on: white keeps its shape{lacking}"
 
 
 class VRTM_OT_pack_maps(OnObject, bpy.types.Operator):
