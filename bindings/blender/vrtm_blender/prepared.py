@@ -287,6 +287,8 @@ class Prepared:
 WORDS = {
     "nodes_at_gaps": "{0:.0f} points do not move, where UV edges nearly touch. Where they belong together, merge them "
     "in the UV editor (UV > Merge > By Distance)",
+    "edges_apart": "Features end at {0:.0f} edges whose sides nearly touch in the UV map: merge them in the UV editor "
+    "(UV > Merge > By Distance)",
     "grid_too_coarse": "Features are too small for a grid of {0:.0f} cells, and take {2:.0f}: press Final",
     "faces_clipped": "{0:.0f} faces reach out of their tile, where they stay as they are: move them in the UV editor",
     "faces_outside": "{0:.0f} faces lie in no UV tile, where they stay as they are: move them in the UV editor",
