@@ -144,7 +144,7 @@ class Files(Case):
             for noise in (False, True):
                 picture = rng.standard_normal((height, width, 4)) if noise else np.ones((height, width, 4))
                 picture = picture.astype(np.float32)
-                part("exr").write(self.at(), picture, {})
+                Path(self.at()).write_bytes(part("exr").file_of(picture, {}))
                 image = bpy.data.images.load(self.at())
                 image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
                 self.assertSame(pixels(image), picture)

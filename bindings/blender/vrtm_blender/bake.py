@@ -195,8 +195,7 @@ def save(
     facts = {"vrtm:kind": kind, "vrtm:mesh": obj.name, "vrtm:frame": frame, "vrtm:version": session.library().version()}
     facts |= more
     try:
-        staging = session.library("vrtm.bake.staging")
-        staging.write(str(path), lambda temporary: exr.write(temporary, pixels, facts, halves))
+        session.library("vrtm.bake.staging").write_bytes(str(path), exr.file_of(pixels, facts, halves))
     except OSError as error:
         raise Problem(f"{path} cannot be written: {error.strerror or error}") from error
 

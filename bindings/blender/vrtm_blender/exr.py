@@ -6,13 +6,11 @@ https://openexr.com/en/latest/OpenEXRFileLayout.html
 
 from __future__ import annotations
 
-import io
 import os
 import struct
 import zlib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import BinaryIO
 
 import numpy as np
 
@@ -27,22 +25,10 @@ _LEVEL = 4
 _TYPES = {1: "<f2", 2: "<f4"}
 
 
-def write(path: str, pixels: np.ndarray, facts: Mapping[str, str | int], halves: bool = False) -> None:
-    """Writes (height, width, 4) float32 pixels, the bottom row first. `facts` are attributes. `halves`: as floats of 16
-    bits. Raises OSError."""
-    with open(path, "wb") as file:
-        _write(file, pixels, facts, 1 if halves else 2)
-
-
-def halves(pixels: np.ndarray) -> bytes:
-    """The file of such pixels with 16 bits for each value: each is off by 1 / 2048 of itself at most, or by 2^-25 where
-    that is more."""
-    file = io.BytesIO()
-    _write(file, pixels, {}, 1)
-    return file.getvalue()
-
-
-def _write(file: BinaryIO, pixels: np.ndarray, facts: Mapping[str, str | int], of: int) -> None:
+def file_of(pixels: np.ndarray, facts: Mapping[str, str | int], halves: bool = False) -> bytes:
+    """The file of (height, width, 4) float32 pixels, the bottom row first. `facts` are attributes. With 16 bits for a
+    value, `halves`, it is off by 1 / 2048 of itself at most, or by 2^-25 where that is more."""
+    of = 1 if halves else 2
     height, width = pixels.shape[:2]
     box = struct.pack("<4i", 0, 0, width - 1, height - 1)
     channels = b"".join(name.encode() + b"\0" + struct.pack("<iiii", of, 0, 1, 1) for name, _ in _CHANNELS) + b"\0"
@@ -67,14 +53,10 @@ def _write(file: BinaryIO, pixels: np.ndarray, facts: Mapping[str, str | int], o
     rows = np.ascontiguousarray(pixels[::-1, :, [place for _, place in _CHANNELS]].transpose(0, 2, 1), _TYPES[of])
     firsts = range(0, height, _ROWS)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        offset = len(start) + 8 * len(firsts)
-        table = bytearray()
-        file.write(start + bytes(8 * len(firsts)))
-        for first, data in zip(firsts, pool.map(lambda first: _packed(rows[first : first + _ROWS]), firsts)):
-            table += struct.pack("<Q", offset)
-            offset += file.write(struct.pack("<ii", first, len(data)) + data)
-        file.seek(len(start))
-        file.write(table)
+        packed = pool.map(lambda first: _packed(rows[first : first + _ROWS]), firsts)
+        parts = [struct.pack("<ii", first, len(data)) + data for first, data in zip(firsts, packed)]
+    begins = np.cumsum([len(start) + 8 * len(parts), *map(len, parts[:-1])])
+    return b"".join([start, begins.astype("<u8").tobytes(), *parts])
 
 
 def _attribute(name: str, kind: str, value: bytes) -> bytes:

@@ -84,7 +84,7 @@ def pack(image: bpy.types.Image) -> None:
     Raises RuntimeError."""
     pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
     image.pixels.foreach_get(pixels.ravel())
-    data = exr.halves(pixels)
+    data = exr.file_of(pixels, {}, halves=True)
     image.pack(data=data, data_len=len(data))
     # From now on it is read from there.
     image.source = "FILE"
