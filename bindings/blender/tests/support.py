@@ -163,15 +163,15 @@ class Case(unittest.TestCase):
     def notes(self, obj: bpy.types.Object) -> str:
         return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
 
-    def shown(self, obj: bpy.types.Object) -> list[str]:
+    def shown(self, obj: bpy.types.Object, panels=PANELS, menus=MENUS) -> list[str]:
         """Content of the panels and menus, in a stand-in of Blender's layout. Drawing changes nothing."""
         shown, context = [], types.SimpleNamespace(object=obj, scene=bpy.context.scene)
         states = set(part("states").known)
-        for name in PANELS:
+        for name in panels:
             panel = getattr(bpy.types, f"VRTM_PT_{name}")
             self.assertTrue(panel.poll(context))
             panel.draw(types.SimpleNamespace(layout=Layout(shown)), context)
-        for name in MENUS:
+        for name in menus:
             getattr(bpy.types, f"VRTM_MT_{name}").draw(types.SimpleNamespace(layout=Layout(shown)), context)
         self.assertEqual(set(part("states").known), states)
         return shown

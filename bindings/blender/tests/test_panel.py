@@ -12,9 +12,8 @@ class Panel(Case):
         obj, settings = arm.object, arm.object.vrtm
         shown = self.shown(obj)
         self.assertIn("Update Now", shown)
-        # The first line is under the mouse when the menu opens: it is no button.
-        begin = [shown.index(text) for text in ("White in a new image keeps its shape:", "Paint It")]
-        self.assertLess(begin[0], shown.index("From Texture", begin[0]))
+        # The first button of the menu Set Up lies under the mouse when it opens: Paint It is the last one.
+        self.assertEqual(self.shown(obj, (), ("begin",)), ["From Texture", "From Geometry", "Paint It"])
         for source in ("NONE", "IMAGE", "VERTEX_GROUP", "ATTRIBUTE"):
             settings.rigidity_source = settings.mask_source = source
             self.shown(obj)

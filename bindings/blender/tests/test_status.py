@@ -158,11 +158,16 @@ class Status(Case):
         self.assertIn(f"{names[1]} is not there", self.notes(arm.object))
 
     def test_lines_are_as_wide_as_the_panel(self):
-        context = types.SimpleNamespace(region=types.SimpleNamespace(width=300), preferences=bpy.context.preferences)
-        text = "Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"
-        lines = part("status")._wrapped(text, context)
-        self.assertGreater(len(lines), 1)
-        self.assertEqual(" ".join(lines), text)
+        region = types.SimpleNamespace(width=300, type="WINDOW")
+        context = types.SimpleNamespace(region=region, preferences=bpy.context.preferences)
+        text, longest = "Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?", []
+        # Tabs take a part of a sidebar.
+        for region.type in ("WINDOW", "UI"):
+            lines = part("status")._wrapped(text, context)
+            self.assertGreater(len(lines), 1)
+            self.assertEqual(" ".join(lines), text)
+            longest.append(max(map(len, lines)))
+        self.assertGreater(*longest)
         context.region.width = 3000
         self.assertEqual(part("status")._wrapped(text, context), [text])
 

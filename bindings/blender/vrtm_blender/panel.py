@@ -68,6 +68,7 @@ class VRTM_PT_view(bpy.types.Panel):
             layout.operator("vrtm.set_up", icon="PLAY")
         layout.menu("VRTM_MT_rigidity", icon="TPAINT_HLT")
         draw_solve(layout, context)
+        layout.label(text="Show Strain")
         layout.row().prop(settings, "strain", expand=True)
         for line in status.notes(context.object, context.scene):
             status.draw(layout, context, line)
@@ -169,7 +170,9 @@ class VRTM_PT_bake(_Part, bpy.types.Panel):
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked
         layout.operator("vrtm.use_live" if baked else "vrtm.use_baked")
-        column = layout.column(heading="Games")
+        column = layout.column()
+        column.separator()
+        column.label(text="For games: a few maps, and a glb")
         column.prop(settings, "poses")
         column.prop(settings, "error")
         column.operator("vrtm.bake_basis", icon="EXPORT")
@@ -226,8 +229,7 @@ class VRTM_MT_begin(bpy.types.Menu):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        # Under the mouse, where a double click on Set Up would press the first button.
-        layout.label(text="White in a new image keeps its shape:")
+        # The first one lies under the mouse, where a double click on Set Up presses it.
         for name, text, icon in (("texture", "From Texture", "TEXTURE"), ("heights", "From Geometry", "RNDCURVE")):
             layout.operator(f"vrtm.rigidity_from_{name}", text=text, icon=icon).set_up = True
         layout.operator("vrtm.set_up", text="Paint It", icon="BRUSH_DATA").paint = True

@@ -183,7 +183,7 @@ class Prepared:
             if entry.code in LASTING:
                 self.told[entry] = {which: self.stamps.get(which) for which in LASTING[entry.code]}
         self.told = {entry: of for entry, of in self.told.items() if of.items() <= self.stamps.items()}
-        return [_in_artists_words(entry) for entry in dict.fromkeys([*self.told, *said])]
+        return list(dict.fromkeys(map(_in_artists_words, [*self.told, *said])))
 
     def rigid_share(self) -> tuple[float, float, float]:
         """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by
@@ -285,15 +285,15 @@ class Prepared:
 
 # Warnings of the library in an artist's words, with what mends them: the values of an entry fill them in.
 WORDS = {
-    "nodes_at_gaps": "{0:.0f} points do not move, where UV edges nearly touch. Where they belong together, merge them "
-    "in the UV editor (UV > Merge > By Distance)",
+    "nodes_at_gaps": "{where}: {0:.0f} points do not move, where UV edges nearly touch. Where they belong together, "
+    "merge them in the UV editor (UV > Merge > By Distance)",
     "edges_apart": "Features end at {0:.0f} edges whose sides nearly touch in the UV map: merge them in the UV editor "
     "(UV > Merge > By Distance)",
     "grid_too_coarse": "Features are too small for a grid of {0:.0f} cells, and take {2:.0f}: press Final",
     "faces_clipped": "{0:.0f} faces reach out of their tile, where they stay as they are: move them in the UV editor",
     "faces_outside": "{0:.0f} faces lie in no UV tile, where they stay as they are: move them in the UV editor",
     "triangles_degenerate": "{0:.0f} triangles have no area in the UV map, and stay as they are: unwrap them",
-    "nothing_moves": "What is rigid cannot move: Mask, Seams or Overlaps hold all of it",
+    "nothing_moves": "{where}: what is rigid cannot move, since Mask, Seams, Overlaps or a coarse Grid hold all of it",
     "pose_scale": "Edges are {0:.3g} times as long as at rest: choose another Rest, or press Capture Rest",
     "pose_order": "{0:.0%} of edges are over 3 times as long as at rest: choose another Rest, or press Capture Rest",
 }
@@ -302,5 +302,5 @@ WORDS = {
 def _in_artists_words(entry: vrtm.LogEntry) -> str:
     if entry.code not in WORDS:
         return entry.message
-    where = f"Tile {entry.udim}: " if entry.udim else ""
-    return where + WORDS[entry.code].format(*entry.values)
+    where = f"Tile {entry.udim}" + (f", layer {entry.layer}" if entry.layer else "")
+    return WORDS[entry.code].format(*entry.values, where=where)

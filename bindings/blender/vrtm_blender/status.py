@@ -183,8 +183,8 @@ def _wrapped(text: str, context: bpy.types.Context) -> list[str]:
     # 0 without a window.
     scale = context.preferences.system.ui_scale or 1
     blf.size(0, 11 * scale)
-    # Borders, a box and the icon take the rest.
-    free = region.width - 75 * scale
+    # Borders, a box and the icon take the rest, and in sidebars the tabs.
+    free = region.width - (100 if region.type == "UI" else 75) * scale
     width, _ = blf.dimensions(0, text)
     if width <= free:
         return [text]
