@@ -194,6 +194,8 @@ class Objects(Case):
         self.assertNotIn("No brush", self.notes(other.object))
         bpy.ops.object.mode_set(mode="OBJECT")
         self.assertEqual(bpy.context.scene.tool_settings.image_paint.canvas, other.object.vrtm.rigidity_image)
+        # Blender keeps other properties for the next press, as if the menu's answer were one for good.
+        self.assertTrue(bpy.ops.vrtm.set_up.get_rna_type().properties["paint"].is_skip_save)
         # No tick while nothing is rigid.
         self.assertEqual(self.line(other.object), ("Nothing is rigid yet: see Status", "INFO"))
 

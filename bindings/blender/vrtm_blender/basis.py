@@ -149,7 +149,7 @@ class Bake(FrameBake):
         session.library("vrtm.bake.staging").write_bytes(str(self._path(obj, "json")), text.encode())
         off = f"{basis.errors.max() * TEXTURE:.1f} texels of {TEXTURE}"
         off += "" if of_pairs is None else f", by {of_pairs:.1f} where two shape keys act together"
-        told = f"{obj.name}: {len(basis)} maps in place of {len(names)} are off by {off}; {self._path(obj, 'glb').name}"
+        told = f"{obj.name}: {len(basis)} in place of {len(names)} maps, off by {off}; {self._path(obj, 'glb').name}"
         return f"{told} has {len(mesh['targets'])} morph targets; all were read back"
 
     def _of_pairs(self, obj: bpy.types.Object, taken: Taken, basis: Basis) -> float:

@@ -24,7 +24,9 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
     bl_label = "Set Up"
     on_selected = makes_step = True
 
-    paint: BoolProperty(name="Paint", description="Make a black rigidity, and paint on it at once")
+    paint: BoolProperty(
+        name="Paint", description="Make a black rigidity, and paint on it at once", options={"SKIP_SAVE"}
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         bare = [obj for obj in self.objects(context) if obj.vrtm.rigidity_source == "NONE"]
