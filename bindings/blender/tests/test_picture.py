@@ -311,6 +311,14 @@ class Picture(Case):
         arm.mesh.uv_layers["UVMap"].uv[0].vector = (0, 0.04)
         self.ticked(arm)
 
+    def test_layers_have_one_note_unless_it_names_the_layer(self):
+        import vrtm
+
+        of = [("grid_too_coarse", 0), ("grid_too_coarse", 1), ("nothing_moves", 1)]
+        entries = [vrtm.LogEntry("warning", code, 1001, 0, layer, (16.0, 16.0, 64.0), "") for code, layer in of]
+        found = part("prepared").Prepared().notes(entries)
+        self.assertEqual([text[:23] for text in found], ["Features are too small ", "Tile 1001, layer 1: wha"])
+
     def test_nothing_is_said_of_overlaps_that_hold_nothing(self):
         arm = self.arm()
         arm.object.vrtm.overlaps = "fixed"
