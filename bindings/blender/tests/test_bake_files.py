@@ -52,11 +52,11 @@ class Files(Case):
             bpy.data.images.remove(image)
         return self.at(name + frames[0] + ".exr")
 
-    def bake_refused(self, *words):
+    def bake_refused(self, *words, bake=bpy.ops.vrtm.bake):
         """Checks that the bake is refused with these words, and that nothing in the folder has changed."""
         before = {name: self.content(name) for name in os.listdir(self.folder)}
         with self.assertRaises(RuntimeError) as caught:
-            bpy.ops.vrtm.bake()
+            bake()
         for word in words:
             self.assertIn(word, str(caught.exception))
         self.assertEqual({name: self.content(name) for name in os.listdir(self.folder)}, before)
@@ -123,7 +123,8 @@ class Files(Case):
         for name in names:
             self.arm(name)
         select(*(bpy.data.objects[name] for name in names[:selected]))
-        self.bake_refused(*names)
+        for bake in (bpy.ops.vrtm.bake, bpy.ops.vrtm.bake_basis):
+            self.bake_refused(*names, bake=bake)
         self.assertEqual(os.listdir(self.folder), [])
 
     def test_the_files_say_whose_they_are(self):

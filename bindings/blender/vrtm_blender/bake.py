@@ -154,11 +154,7 @@ class Bake(FrameBake):
     def begin(self) -> None:
         outputs: list[tuple[str, str]] = []
         for obj in self.objects():
-            name = file_name(obj, "", 0).casefold()
-            for other in bpy.data.objects:
-                if other != obj and other.library is None and other.vrtm.is_set_up:
-                    if file_name(other, "", 0).casefold() == name:
-                        raise Problem(f"{obj.name}: its files have the names of those of {other.name}: rename one")
+            check_name(obj)
             parts = self._prepared(obj)[2]
             outputs += [
                 (str(self.folder / file_name(obj, part_of(*part), frame)), obj.name)
@@ -198,6 +194,14 @@ def save(
         session.library("vrtm.bake.staging").write_bytes(str(path), exr.file_of(pixels, facts, halves))
     except OSError as error:
         raise Problem(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def check_name(obj: bpy.types.Object) -> None:
+    """Raises a Problem if another object that is set up has the same names of files."""
+    for other in bpy.data.objects:
+        if other != obj and other.library is None and other.vrtm.is_set_up:
+            if file_name(other, "", 0).casefold() == file_name(obj, "", 0).casefold():
+                raise Problem(f"{obj.name}: its files have the names of those of {other.name}: rename one")
 
 
 def check_free(outputs: list[tuple[str, str]], overwriting: bool) -> None:

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from . import geometry, maps, result_image, session, solve, states
-from .bake import FrameBake, check_free, file_name, folder_of, part_of, save
+from .bake import FrameBake, check_free, check_name, file_name, folder_of, part_of, save
 from .messages import Problem
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ class Bake(FrameBake):
     def begin(self) -> None:
         outputs = []
         for obj in self.objects():
+            check_name(obj)
             paths = [path for of in self._files(obj, self._asset(obj), len(self.frames)) for path in of]
             paths += [self._path(obj, ending) for ending in ("json", "glb")]
             outputs += [(str(path), obj.name) for path in paths]

@@ -46,7 +46,7 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
 class BakesFrames(Polled):
     """An operator that bakes a range of frames of the selected objects. Esc ends it."""
 
-    _bake = None
+    _bake, done = None, "frames are written"
 
     @classmethod
     def why_not(cls, context: bpy.types.Context) -> str | None:
@@ -70,28 +70,26 @@ class BakesFrames(Polled):
         self._steps, self._files, self._frames = self._bake.steps(), 0, 0
         return True
 
-    def step(self) -> bool:
-        """Bakes one more frame; False at the end."""
+    def step(self) -> set[str] | None:
+        """Bakes one more frame. Returns what ends the operator, after the last one and after a failure."""
         try:
             _, written = next(self._steps)
         except StopIteration:
-            return False
+            return self.finish()
+        except Exception as error:  # told to the artist.
+            self.report({"ERROR"}, f"Bake: {text_of(error)}; {self._frames} {self.done}")
+            return {"CANCELLED"}
         self._files += len(written)
         self._frames += 1
-        return True
+        return None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """All frames at once: in background mode, and from scripts."""
         if not self.begin(context):
             return {"CANCELLED"}
-        try:
-            while self.step():
-                pass
-        except Exception as error:  # told to the artist.
-            return self.fail(error)
-        finally:
-            self._steps.close()
-        return self.finish()
+        while (result := self.step()) is None:
+            pass
+        return result
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """A frame per tick of a timer, so that the window keeps drawing and Esc is heard."""
@@ -108,22 +106,17 @@ class BakesFrames(Polled):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
             self.end(context)
-            self.report({"WARNING"}, f"Bake ended early: {self._frames} frames, {self._files} files are written")
+            self.report({"WARNING"}, f"Bake ended early: {self._frames} {self.done}")
             return {"CANCELLED"}
         if event.type != "TIMER":
             # A click elsewhere would change the scene under the bake.
             return {"RUNNING_MODAL"}
-        try:
-            if self.step():
-                context.window_manager.progress_update(self._frames)
-                number = len(self._bake.frames)
-                messages.status(f"vrtm: baked frame {self._frames} of {number}; Esc ends the bake")
-                return {"RUNNING_MODAL"}
-        except Exception as error:  # told to the artist.
+        if (result := self.step()) is not None:
             self.end(context)
-            return self.fail(error)
-        self.end(context)
-        return self.finish()
+            return result
+        context.window_manager.progress_update(self._frames)
+        messages.status(f"vrtm: baked frame {self._frames} of {len(self._bake.frames)}; Esc ends the bake")
+        return {"RUNNING_MODAL"}
 
     def end(self, context: bpy.types.Context) -> None:
         self._steps.close()
@@ -133,10 +126,6 @@ class BakesFrames(Polled):
 
     # Blender ends the operator itself, as when a file is loaded.
     cancel = end
-
-    def fail(self, error: Exception) -> set[str]:
-        self.report({"ERROR"}, f"Bake: {text_of(error)}; {self._frames} frames are written")
-        return {"CANCELLED"}
 
     def finish(self) -> set[str]:
         where = f" to {self._files} files in {self._bake.folder}" if self._files else ""
@@ -166,7 +155,7 @@ class VRTM_OT_bake_basis(BakesFrames, bpy.types.Operator):
     bl_idname = "vrtm.bake_basis"
     bl_label = "Bake for Games"
     bl_options = {"REGISTER"}
-    make = basis.Bake
+    make, done = basis.Bake, "poses were solved"
 
     def finish(self) -> set[str]:
         for text in self._bake.told:
