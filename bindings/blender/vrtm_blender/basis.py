@@ -141,6 +141,7 @@ class Bake(FrameBake):
             "error_of_pairs": of_pairs,
             "texture_size": TEXTURE,
             "format": "half",
+            "ranges": [{"offset": of.offset.tolist(), "scale": of.scale.tolist()} for of in basis.ranges],
             "driver": None if driver is None else driver.document(),
             "frames": [{"frame": name, "weights": row, "error": error} for name, row, error in rows],
             "files": self._write_maps(obj, asset, basis.maps.reshape(-1, len(asset.tiles), size, size, 2)),
