@@ -87,12 +87,12 @@ class Bake(FrameBake):
             outputs += [(str(path), obj.name) for path in paths]
         check_free(outputs, self.overwrite)
 
-    def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+    def bake(self, obj: bpy.types.Object, pose: np.ndarray, frame: int) -> list[Path]:
         taken = self.taken[obj.name]
         name = next((name for name in taken.keys if name not in taken.poses), None)
         if self.by_keys and name is None:
             return []
-        pose = taken.keys[name] if self.by_keys else geometry.pose(obj, depsgraph)
+        pose = taken.keys[name] if self.by_keys else pose
         taken.poses[name or f"frame {frame}"] = pose
         taken.deltas.append(self._solved(obj, pose))
         return []
