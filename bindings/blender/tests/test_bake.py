@@ -1,6 +1,8 @@
 """Baking to disk: files, their names and content, frames that are left as they were, and what goes wrong."""
 
+import contextlib
 import os
+from unittest import mock
 
 import numpy as np
 
@@ -58,15 +60,25 @@ class Bake(Case):
         self.assertEqual(arm.object.hide_render, hidden)
         self.assertIn("'cast' is on in renders and bakes alone, so the pose is another there", self.notes(arm.object))
 
-    def test_given_up_in_the_middle(self):
-        arm = Arm.with_studs()
-        bpy.context.scene.frame_set(3)
-        folder = self.settings(start=1, end=5, step=1)
-        steps = part("bake").Bake(bpy.context.scene, [arm.object]).steps()
-        self.assertEqual([next(steps)[0], next(steps)[0]], [1, 2])
+    @each("failing", (None, "begin", "bake", "finish", "give_up"))
+    def test_given_up_in_the_middle_or_failed(self, failing):
+        """Whatever fails, the end of a bake included, the bake is over, and the next one runs."""
+        arm, scene = Arm.with_studs(along=12, around=8, size=64), bpy.context.scene
+        scene.frame_set(3)
+        folder = self.settings(start=1, end=2, step=1)
+        steps = part("bake").Bake(scene, [arm.object]).steps()
+        self.assertEqual(next(steps)[0], 1)
         steps.close()
-        self.assertEqual(sorted(os.listdir(folder)), [f"arm.redirect.1001.000{i}.exr" for i in (1, 2)])
-        self.assertEqual((bpy.context.scene.frame_current, part("session").baking), (3, False))
+        self.assertEqual(os.listdir(folder), ["arm.redirect.1001.0001.exr"])
+        self.assertEqual((scene.frame_current, part("session").baking), (3, False))
+        if failing is not None:
+            with contextlib.ExitStack() as defects:
+                for name in {failing, "finish" if failing == "give_up" else failing}:
+                    fails = mock.Mock(side_effect=RuntimeError("a defect"))
+                    defects.enter_context(mock.patch.object(part("bake").Bake, name, fails))
+                self.refused("a defect", bpy.ops.vrtm.bake)
+            self.assertEqual((scene.frame_current, part("session").baking), (3, False))
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
 
     def test_what_is_wrong_is_said(self):
         arm, folder, settings = Arm.with_studs(), self.settings(), bpy.context.scene.vrtm_bake

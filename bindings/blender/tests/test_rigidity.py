@@ -216,8 +216,7 @@ class Rigidity(Case):
         self.assertEqual(bpy.ops.vrtm.paint(), {"FINISHED"})
         self.assertEqual(arm.object.mode, "TEXTURE_PAINT")
         paint = scene.tool_settings.image_paint
-        owner = paint if hasattr(paint, "unified_paint_settings") else scene.tool_settings
-        self.assertEqual(tuple(owner.unified_paint_settings.color), (1, 1, 1))
+        self.assertEqual(tuple(part("versions").unified_paint_settings(scene).color), (1, 1, 1))
         self.assertEqual((paint.mode, paint.canvas), ("IMAGE", settings.rigidity_image))
         bpy.ops.object.mode_set(mode="OBJECT")
         fill(settings.rigidity_image, np.ones((64, 64), np.float32))

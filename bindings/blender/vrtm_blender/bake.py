@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,9 +87,13 @@ class FrameBake:
 
     def steps(self) -> Iterator[tuple[int, list[Path]]]:
         """Goes to each frame and bakes it. The scene is left at the frame where it was, also if this is given up."""
-        scene, whole = bpy.context.scene, False
-        session.baking = True
-        try:
+        scene = bpy.context.scene
+        # All of this stack is done at the end, the last first, also where another one fails.
+        with contextlib.ExitStack() as end:
+            for name in self.uids:
+                end.push(partial(self._end, name))
+            end.enter_context(session.during("baking"))
+            end.callback(scene.frame_set, self.kept)
             self.begin()
             with evaluation(scene) as poses_of:
                 for frame in self.frames:
@@ -96,16 +102,13 @@ class FrameBake:
                     poses = zip(objects, poses_of(objects))
                     yield frame, [path for obj, pose in poses for path in self.bake(obj, pose, frame)]
             self.finish()
-            whole = True
-        finally:
-            left = [obj for name in self.uids if (obj := self._find(name)) is not None]
-            if not whole:
-                self.give_up(left)
-            scene.frame_set(self.kept)
-            session.baking = False
-            for obj in left:
-                # The viewport has settings of its own.
-                live.touch(obj, mesh=False)
+
+    def _end(self, name: str, failed: type | None, *_) -> None:
+        if (obj := self._find(name)) is not None:
+            # The viewport has settings of its own.
+            live.touch(obj, mesh=False)
+            if failed is not None:
+                self.give_up(obj)
 
     def objects(self) -> list[bpy.types.Object]:
         """The objects, as they are now. Raises a Problem if one is gone."""
@@ -128,8 +131,8 @@ class FrameBake:
     def finish(self) -> None:
         """After the last frame."""
 
-    def give_up(self, left: list[bpy.types.Object]) -> None:
-        """After a failure or an early end, for the objects that are there."""
+    def give_up(self, obj: bpy.types.Object) -> None:
+        """After a failure or an early end, for each object that is there."""
 
 
 class Bake(FrameBake):

@@ -62,9 +62,8 @@ class Bake(FrameBake):
             for obj in self._points(skin):
                 carry_nodes.show_baked(obj, str(self._path(obj, self.frames[0])), self.frames[0], self.frames[-1])
 
-    def give_up(self, left: list[bpy.types.Object]) -> None:
-        for skin in left:
-            live_again(skin)
+    def give_up(self, skin: bpy.types.Object) -> None:
+        live_again(skin)
 
     def _things(self, skin: bpy.types.Object) -> list[bpy.types.Object]:
         for name in self.things[skin.name]:

@@ -8,7 +8,7 @@ from functools import partial
 import bpy
 
 from . import packed, trees
-from .trees import image_of, set_input
+from .versions import image_of, set_input
 
 # Vectors of points, or of hair curves, in the object's own space: where it is at rest, where it is carried to, and its
 # turn as Euler angles (XYZ). And where the files of a bake have it: u, v of its place, and v of its turn.

@@ -45,16 +45,14 @@ def in_renders(obj: bpy.types.Object) -> bool:
 
 def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
     """Solves within a handler. A failure is told, and the frame goes on with the last redirection."""
-    session.handling = True
     try:
-        solve.run(obj, depsgraph)
+        with session.during("handling"):
+            solve.run(obj, depsgraph)
     except Exception as error:  # a render must not end here.
         states.state_of(obj).say(text_of(error), error=True)
         # Blender shows neither panel nor status bar while it renders on a farm: its log does.
         frame = depsgraph.scene.frame_current
         session.log.error("frame %d of %s keeps its last redirection: %s", frame, obj.name, text_of(error))
-    finally:
-        session.handling = False
 
 
 @persistent

@@ -8,7 +8,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from . import packed, trees
+from . import packed, trees, versions
 
 # Of the image: a hash of the faces' layers.
 STAMP = "vrtm_faces"
@@ -46,7 +46,7 @@ GROUP = trees.ModifierGroup(
 def stamp_of(obj: bpy.types.Object) -> str | None:
     """The hash of the layers that the object's modifier gives to faces; None where it gives none."""
     modifier = GROUP.modifier_of(obj)
-    image = None if modifier is None else trees.image_of(modifier)
+    image = None if modifier is None else versions.image_of(modifier)
     works = image is not None and modifier.show_viewport and modifier.show_render
     return image.get(STAMP) if works else None
 
@@ -66,12 +66,13 @@ def insert(obj: bpy.types.Object, name: str, values: np.ndarray, stamp: str) -> 
     soft = [modifier.type == "SOFT_BODY" for modifier in obj.modifiers]
     made = GROUP.insert(obj, at=[*soft, False].index(False))
     for of, value in zip(GROUP.inputs, (image, columns, rows, name)):
-        trees.set_input(made, of, value)
+        versions.set_input(made, of, value)
 
 
 def remove(obj: bpy.types.Object) -> None:
     """Removes the modifier, and its unused data."""
     GROUP.remove(obj)
     # Also those of modifiers that the artist has taken away.
-    for image in [image for image in bpy.data.images if STAMP in image and not image.users and image.library is None]:
-        bpy.data.images.remove(image)
+    for image in [image for image in bpy.data.images if STAMP in image and image.library is None]:
+        if not versions.is_used(image):
+            bpy.data.images.remove(image)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from . import versions
 from .geometry import corner_vertices, mesh_of, read, stamp_of
 from .messages import Problem
 
@@ -112,7 +113,7 @@ def _unsaved_tiles(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
         image.file_format = "OPEN_EXR" if image.is_float else "PNG"
         suffix = ".exr" if image.is_float else ".png"
         try:
-            _save_copy(image, os.path.join(folder, "tile.<UDIM>" + suffix))
+            versions.save_copy(image, os.path.join(folder, "tile.<UDIM>" + suffix))
         except RuntimeError as error:
             raise Problem(
                 f"image {image.name!r}: the painted tiles cannot be read ({' '.join(str(error).split())}): "
@@ -161,20 +162,6 @@ def of_file(path: str, space: str = "Non-Color", alpha: str = "CHANNEL_PACKED") 
         return _pixels(loaded) if loaded.size[0] else None
     finally:
         bpy.data.images.remove(loaded)
-
-
-def _save_copy(image: bpy.types.Image, path: str) -> None:
-    """Saves an image to another file; the image stays unsaved, and that of its own file."""
-    if "save_copy" in bpy.types.Image.bl_rna.functions["save"].parameters:
-        image.save(filepath=path, save_copy=True)
-        return
-    # Blender 4.2 has an operator alone that does so, which moves the path of tiled images on.
-    kept = image.filepath_raw
-    try:
-        with bpy.context.temp_override(edit_image=image):
-            bpy.ops.image.save_as("EXEC_DEFAULT", filepath=path, copy=True, save_as_render=False)
-    finally:
-        image.filepath_raw = kept
 
 
 def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:

@@ -6,7 +6,7 @@ from functools import partial
 
 import bpy
 
-from . import live, overlay, session
+from . import live, overlay, session, versions
 
 SOURCES = [
     ("NONE", "None", "No map"),
@@ -34,9 +34,6 @@ MAP_SIZE = {
     "min": 0,
     "max": 16384,
 }
-
-# From Blender 5.0 on a property says that it takes paths beside the file; without that a warning is printed.
-PATH_OPTIONS = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}} if bpy.app.version >= (5, 0, 0) else {}
 
 
 def _changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
@@ -257,7 +254,7 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         default="//vrtm/",
         update=None,
-        **PATH_OPTIONS,
+        **versions.PATH_OPTIONS,
     )
     overwrite: BoolProperty(
         name="Overwrite",

@@ -52,8 +52,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     """Writes the outcome of a job."""
     # Updates until now are the artist's; those of the writes are not.
     _update()
-    before, session.writing = session.writing, True
-    try:
+    with session.during("writing"):
         if not geometry.is_linked(obj):
             own_name(obj)
         if outcome.images is not None:
@@ -71,8 +70,6 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
             overlay.write(obj, outcome.strain)
         carry.place(obj, outcome.carried)
         _update()
-    finally:
-        session.writing = before
     state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outcome.uvs, False
     state.features, state.looked_at = outcome.features, 0
     state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []

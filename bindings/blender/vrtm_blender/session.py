@@ -29,6 +29,17 @@ handling = False
 # path set this, and call the timer's function themselves.
 live_in_background = False
 
+
+@contextlib.contextmanager
+def during(flag: str) -> Iterator[None]:
+    """Has a flag above set until the end of the block, however that ends."""
+    before, globals()[flag] = globals()[flag], True
+    try:
+        yield
+    finally:
+        globals()[flag] = before
+
+
 devices: dict[str, vrtm.Device] = {}
 
 

@@ -95,17 +95,3 @@ def texture(
 def enabled(sockets, name: str = "") -> bpy.types.NodeSocket:
     """The socket of a name, or of any: a node may have one for each type, and the one of the chosen type is enabled."""
     return next(socket for socket in sockets if socket.enabled and name in ("", socket.name))
-
-
-def set_input(modifier: bpy.types.Modifier, name: str, value: object) -> None:
-    modifier[_identifier(modifier, name)] = value
-
-
-def image_of(modifier: bpy.types.Modifier) -> bpy.types.Image | None:
-    found = modifier.get(_identifier(modifier, "Image"))
-    return found if isinstance(found, bpy.types.Image) else None
-
-
-def _identifier(modifier: bpy.types.Modifier, name: str) -> str:
-    sockets = modifier.node_group.interface.items_tree
-    return next(one.identifier for one in sockets if one.name == name and one.in_out == "INPUT")

@@ -119,10 +119,10 @@ class BakesFrames(Polled):
         return {"RUNNING_MODAL"}
 
     def end(self, context: bpy.types.Context) -> None:
-        self._steps.close()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         messages.status(None)
+        self._steps.close()
 
     # Blender ends the operator itself, as when a file is loaded.
     cancel = end

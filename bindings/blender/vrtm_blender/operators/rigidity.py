@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, keep, live, maps, packed, status, textures
+from .. import geometry, keep, live, maps, packed, status, textures, versions
 from ..messages import Problem
 from ..session import library
 from .base import OnObject
@@ -299,9 +299,7 @@ def paint(context: bpy.types.Context, obj: bpy.types.Object) -> str:
     if obj.mode != "TEXTURE_PAINT":
         bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
         # Blender's own colour is black.
-        tools = context.scene.tool_settings
-        owner = settings if hasattr(settings, "unified_paint_settings") else tools
-        for of in (owner.unified_paint_settings, settings.brush):
+        for of in (versions.unified_paint_settings(context.scene), settings.brush):
             if of is not None:
                 of.color, of.secondary_color = (1, 1, 1), (0, 0, 0)
     lacking = f". {status.NO_BRUSH}" if settings.brush is None else ""
