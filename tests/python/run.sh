@@ -2,22 +2,25 @@
 # Installs the Python package with pip, as a user would, and runs its tests and those of the Blender add-on; ends with how
 # many passed, as cargo's tests do. The exit code is 0 if none failed.
 #
-#     tests/python/run.sh [python|blender|short] [PYTEST OPTION...]
+#     tests/python/run.sh [python|blender|blender-VERSION|short] [PYTEST OPTION...]
 #
-# python, blender: the package's tests, or the add-on's; without a word both, beside each other. short: the style of all
-# code, and tests that the package solves, bakes, tells errors, and does what its documents show, in an environment that is
-# quick to make.
+# python, blender: the package's tests, or the add-on's in each version of Blender, one after the other; without a word
+# both, beside each other. blender-4.2, -4.5, -5.2: the add-on's in this version alone. short: the style of all code, and
+# tests that the package solves, bakes, tells errors, and does what its documents show, in an environment that is quick to
+# make.
 #
-# Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which setup.sh makes; VRTM_LIBRARY, a shared
-# library that is built already (else cargo builds one with the tests' profile); VRTM_REQUIRE_PYTHON=1: tests that would be
-# skipped without an environment fail.
+# Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which setup.sh makes, with Blender 4.5; those of
+# other versions lie beside it. VRTM_LIBRARY, a shared library that is built already (else cargo builds one with the tests'
+# profile). VRTM_REQUIRE_PYTHON=1: tests that would be skipped without an environment fail.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 repository=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$repository/target}
 venv=${VRTM_VENV:-$target/venv}
 word=
-case ${1:-} in python | blender | short) word=$1 && shift ;; esac
+# The first one's environment has the rest, too.
+blenders="blender-4.5 blender-4.2 blender-5.2"
+case ${1:-} in python | blender | blender-4.[25] | blender-5.2 | short) word=$1 && shift ;; esac
 requirements=requirements.txt
 if [ "$word" = short ] && ! [ -f "$venv/requirements.txt" ]; then
     venv=${VRTM_VENV:-$target/venv-short} requirements=short.txt
@@ -58,39 +61,68 @@ case $word in '' | short)
     fi
     ;;
 esac
+# Suites that run in turn, beside each other.
+first='' second=$word
 case $word in
-    '') folders="bindings/python bindings/blender" ;;
+    '') first=python second=$blenders ;;
+    blender) second=$blenders ;;
     short)
-        folders=bindings/python
         set -- tests/test_arrays.py tests/test_errors.py tests/test_header.py tests/test_readme.py tests/test_results.py "$@"
         ;;
-    *) folders=bindings/$word ;;
 esac
-for folder in $folders; do
-    report=$target/python/${word:-$(basename $folder)}
-    rm -f "$report.code"
-    (
-        cd "$repository/$folder" || exit 1
-        limit=
-        ! command -v timeout >/dev/null || limit="timeout $seconds"
-        $limit "$venv/bin/python" -m pytest -q -p no:cacheprovider --color=no --durations=10 --durations-min=1 \
-            "$@" >"$report.log" 2>&1
-        echo $? >"$report.code"
-    ) &
-done
+report() { echo "$target/python/$1.$2"; } # SUITE KIND: the file with its log, its exit code, or why it does not run
+run() ( # SUITE PYTEST OPTION...
+    suite=$1 folder=bindings/blender python=$venv/bin/python limit= && shift
+    case $suite in
+        python | short) folder=bindings/python ;;
+        blender-4.2 | blender-5.2) python=$venv-$suite/bin/python ;;
+    esac
+    cd "$repository/$folder" || exit
+    ! command -v timeout >/dev/null || limit="timeout $seconds"
+    $limit "$python" -m pytest -q -p no:cacheprovider --color=no --durations=10 --durations-min=1 "$@" \
+        >"$(report "$suite" log)" 2>&1
+    echo $? >"$(report "$suite" code)"
+)
+in_turn() ( # SUITES PYTEST OPTION...
+    suites=$1 && shift
+    for suite in $suites; do
+        rm -f "$(report "$suite" log)" "$(report "$suite" code)" "$(report "$suite" why)"
+        case $suite in blender-4.2 | blender-5.2)
+            sh "$here/setup.sh" "$venv-$suite" "$suite.txt" >"$(report "$suite" why)" &
+            ;;
+        esac
+    done
+    for suite in $suites; do
+        # The other environments are loaded beside the tests in the first.
+        case $suite in blender-4.2 | blender-5.2) wait ;; esac
+        [ -s "$(report "$suite" why)" ] || run "$suite" "$@"
+    done
+)
+for chain in "$first" "$second"; do in_turn "$chain" "$@" & done
 wait
 counted() { # WORDS LOG: a number of pytest's last line, such as that of "3 failed"
     count=$(tail -n 1 "$2" | grep -oE "[0-9]+ ($1)" | cut -d ' ' -f 1)
     echo "${count:-0}"
 }
-for folder in $folders; do
-    report=$target/python/${word:-$(basename $folder)}
-    cat "$report.log"
-    bad=$(($(counted failed "$report.log") + $(counted 'errors?' "$report.log")))
+for suite in $first $second; do
+    if [ -s "$(report "$suite" why)" ]; then
+        why=$(cat "$(report "$suite" why)")
+        if [ "${VRTM_REQUIRE_PYTHON:-0}" = 1 ]; then
+            echo "FAILED $suite: $why"
+            failed=$((failed + 1))
+        else
+            echo "skipped: the tests of $suite: $why"
+            skipped=$((skipped + 1))
+        fi
+        continue
+    fi
+    log=$(report "$suite" log)
+    echo "== $suite" && cat "$log"
+    bad=$(($(counted failed "$log") + $(counted 'errors?' "$log")))
     # A run that ended without a count counts as one failure.
-    [ "$bad" != 0 ] || [ "$(cat "$report.code" 2>/dev/null)" = 0 ] || bad=1
-    passed=$((passed + $(counted passed "$report.log")))
+    [ "$bad" != 0 ] || [ "$(cat "$(report "$suite" code)" 2>/dev/null)" = 0 ] || bad=1
+    passed=$((passed + $(counted passed "$log")))
     failed=$((failed + bad))
-    skipped=$((skipped + $(counted skipped "$report.log")))
+    skipped=$((skipped + $(counted skipped "$log")))
 done
 end $passed $failed $skipped
