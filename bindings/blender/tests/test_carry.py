@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from support import Arm, Case, add_mesh, bpy, displace, evaluated, part, read, select
+from support import Arm, Case, add_mesh, bpy, displace, each, evaluated, part, read, select
 
 
 def world(obj):
@@ -26,6 +26,7 @@ class Carry(Case):
         self.arm = Arm.with_studs()
         self.skin = self.arm.object
         displace(self.skin)
+        bpy.context.scene.frame_set(1)
 
     def on_skin(self, number, height=0.0):
         """Places over the skin at rest, at its faces' centres, and their normals, in its space."""
@@ -86,6 +87,43 @@ class Carry(Case):
             self.assertEqual((stud.matrix_basis, stud.parent, stud.vrtm_carry.skin), (basis, parent, None))
             self.assertSame(world(stud), matrix)
 
+    @each("frame", (1, 3, 5))
+    def test_things_are_bound_where_they_are_seen(self, frame):
+        """Placed on the skin in any pose nothing moves, and in other poses it is where the same things bound at rest
+        are; a stud that is dragged belongs where it is put."""
+        rest, _ = self.on_skin(9, 0.01)
+        self.update(frame)
+        where, turns = self.expected(rest)
+        studs = [self.add(f"stud {k}", None) for k in range(9)]
+        for stud, place, turn in zip(studs, where, turns):
+            stud.matrix_world = np.block([[2 * turn, place[:, None]], [0, 0, 0, 1]]).T
+        mesh = add_mesh("scales", where, [(k, k + 1, k + 2) for k in range(7)])
+        tufts = np.concatenate([where[:, None], where[:, None] + 0.05 * turns[:, None, :, 2]], 1)
+        hair = self.hair(tufts)
+        self.carry(*studs, hair)
+        self.carry(mesh, operator="wrap")
+
+        def seen():
+            return np.concatenate([[world(stud)[:3, 3] for stud in studs], drawn(mesh), drawn(hair)[::2]])
+
+        np.testing.assert_allclose(seen(), np.tile(where, (3, 1)), atol=4e-6)
+        # In other poses to a tenth of a cell, since the inverse of the redirection is not exact.
+        for other in (1, 2, 4, frame):
+            self.update(other)
+            now, turned = self.expected(rest)
+            np.testing.assert_allclose(seen(), np.tile(now, (3, 1)), atol=2.7e-3)
+            np.testing.assert_allclose([world(stud)[:3, :3] for stud in studs], 2 * turned, atol=4e-2)
+        # Nothing hangs on a line: a parent would draw one to each.
+        self.assertFalse([obj for obj in bpy.data.objects if obj.parent == self.skin])
+        before = [world(stud) for stud in studs]
+        studs[0].location.z += 0.02
+        bpy.context.view_layer.update()
+        dragged = world(studs[0])
+        for other in (frame, 2, frame):
+            self.update(other)
+        np.testing.assert_allclose(world(studs[0]), dragged, atol=4e-6)
+        np.testing.assert_allclose([world(stud) for stud in studs[1:]], before[1:], atol=2e-6)
+
     def test_a_wrap_moves_each_vertex(self):
         places, _ = self.on_skin(40, 0.01)
         mesh = add_mesh("scales", self.in_world(places), [(k, k + 1, k + 2) for k in range(38)])
@@ -117,16 +155,20 @@ class Carry(Case):
         graph = bpy.context.evaluated_depsgraph_get()
         return np.array([one.matrix_world.copy() for one in graph.object_instances if one.is_instance])
 
-    def hair(self, places, normals):
+    def hair(self, points):
+        """Curves through points in the world, (curves, points, 3)."""
         curves = bpy.data.hair_curves.new("hair")
-        curves.add_curves([3] * len(places))
+        curves.add_curves([points.shape[1]] * len(points))
+        curves.attributes["position"].data.foreach_set("vector", points.ravel())
+        return self.add("hair", curves)
+
+    def tufts(self, places, normals):
         points = places[:, None] + 0.05 * np.arange(3)[None, :, None] * normals[:, None]
-        curves.attributes["position"].data.foreach_set("vector", self.in_world(points.reshape(-1, 3)).ravel())
-        return self.add("hair", curves), points
+        return self.hair(self.in_world(points.reshape(-1, 3)).reshape(points.shape)), points
 
     def test_instances_and_hair(self):
         places, normals = self.on_skin(12)
-        scatter, (hair, points) = self.instancer(places), self.hair(places, normals)
+        scatter, (hair, points) = self.instancer(places), self.tufts(places, normals)
         rest = self.instances()
         self.assertEqual(self.carry(scatter, hair), {"FINISHED"})
         for frame in (1, 5):
@@ -220,7 +262,7 @@ class Carry(Case):
 
     def test_a_bake_plays_without_the_add_on(self):
         stud, (places, normals) = self.studs(1)[0], self.on_skin(12)
-        scatter, (hair, _) = self.instancer(places), self.hair(places, normals)
+        scatter, (hair, _) = self.instancer(places), self.tufts(places, normals)
         self.carry(stud, scatter, hair)
         folder, scene = self.scratch(), bpy.context.scene
         self.bakes_to(folder, 1, 5)
@@ -276,8 +318,9 @@ class Carry(Case):
         self.assertFalse(any(state.wanted for state in part("states").known.values()))
         # Points that are moved by hand are bound anew, where they are.
         cloud = add_mesh("cloud", self.in_world(places))
+        self.idle(1)
         self.carry(cloud)
-        self.idle()
+        self.idle(5)
         cloud.data.vertices[0].co.z += 0.01
         cloud.data.update_tag()
         self.idle()

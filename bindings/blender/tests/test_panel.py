@@ -3,7 +3,7 @@ operator, collection and icon that they name has to be there, and drawing must n
 
 import types
 
-from support import PANELS, Arm, Case, bpy
+from support import PANELS, Arm, Case, bpy, part
 
 
 class Panel(Case):
@@ -39,6 +39,11 @@ class Panel(Case):
         shown = self.shown(obj)
         for text in ("Captured at frame 5", "Up to date", "Time", "Strain", "Folds", "Redirection"):
             self.assertIn(text, shown)
+        # Where no view shows the result, that is said.
+        words = "Solid view does not show the result: see it in Material Preview (press Z)"
+        self.assertIn(words, shown)
+        part("session").areas("VIEW_3D")[0].spaces.active.shading.type = "MATERIAL"
+        self.assertNotIn(words, self.shown(obj))
         obj.modifiers.new("it", "SUBSURF")
         shown = self.shown(obj)
         self.assertIn("it changes the topology", shown)

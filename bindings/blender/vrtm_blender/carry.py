@@ -3,13 +3,15 @@ Each has its skin, and its state before, in its own properties (Object.vrtm_carr
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from mathutils import Matrix
 
 from . import carry_nodes, geometry, session
-from .carriers import CarriedInput, Moved, Thing
+from .carriers import CarriedInput, Moved, Thing, rotation_of
 from .messages import Problem
 
 FITS = [
@@ -39,12 +41,12 @@ class VrtmCarry(bpy.types.PropertyGroup):
     fit: EnumProperty(items=FITS)
     skirt: FloatProperty()
     pieces: BoolProperty()
-    # Its state before: its channels, one behind the other, and its parenting.
+    # Its channels before, one behind the other.
     channels: FloatVectorProperty(size=sum(CHANNELS.values()))
-    was_child: BoolProperty()
-    inverse: FloatVectorProperty(size=16)
-    # An object as a whole at rest, in the skin's space.
+    # An object as a whole at rest, in the skin's space, and its transform as it was carried last: with another one it
+    # was moved by hand, or is new.
     rest: FloatVectorProperty(size=16)
+    placed: FloatVectorProperty(size=16)
 
 
 def carried_by(skin: bpy.types.Object) -> list[bpy.types.Object]:
@@ -56,9 +58,34 @@ def carries_live(skin: bpy.types.Object) -> bool:
     return not skin.vrtm.carried_baked and bool(carried_by(skin))
 
 
+def holder_of(obj: bpy.types.Object) -> bpy.types.Constraint | None:
+    """The constraint by which a carried object follows its skin, unless it is a child of it: the viewport draws a line
+    from each child to its parent."""
+    own = [c for c in obj.constraints if c.type == "CHILD_OF" and c.target == obj.vrtm_carry.skin and not c.mute]
+    return own[0] if own else None
+
+
+def inverse_of(obj: bpy.types.Object) -> Matrix:
+    """The transform that stands between an object's own and its skin's."""
+    holder = holder_of(obj)
+    return obj.matrix_parent_inverse if holder is None else holder.inverse_matrix
+
+
 def in_skin(obj: bpy.types.Object) -> np.ndarray:
-    """(4, 4) from a child's space to its parent's."""
-    return np.array(obj.matrix_parent_inverse @ obj.matrix_basis)
+    """(4, 4) from an object's space to its skin's."""
+    return np.array(inverse_of(obj) @ obj.matrix_basis)
+
+
+def is_moved(obj: bpy.types.Object) -> bool:
+    """True if a carried object was moved by hand, or is to be bound for the first time: where it is seen."""
+    own = obj.vrtm_carry
+    if own.kind == "POINTS":
+        return carry_nodes.TO_REST not in obj.data.attributes
+    return own.kind == "OBJECT" and not own.skin.vrtm.carried_baked and matrix_of(own.placed) != obj.matrix_basis
+
+
+def matrix_of(values: Iterable[float]) -> Matrix:
+    return Matrix(np.reshape(values, (4, 4)).tolist())
 
 
 def scale_of(skin: bpy.types.Object) -> float:
@@ -82,7 +109,7 @@ def reason(obj: bpy.types.Object, skin: bpy.types.Object, kind: str) -> str | No
         if obj.parent.vrtm_carry.skin == skin:
             return f"follows its parent {obj.parent.name}, which is carried"
         return f"is parented to {obj.parent.name}: clear the parent first (Alt P, Keep Transformation)"
-    if any(not constraint.mute for constraint in obj.constraints):
+    if any(not constraint.mute and constraint != holder_of(obj) for constraint in obj.constraints):
         return "has constraints, which move it: apply or mute them"
     if (moving := mover(obj)) is not None:
         return f"is deformed by its modifier {moving.name!r} already: remove or hide it, or apply it at rest"
@@ -160,19 +187,19 @@ def own_places(obj: bpy.types.Object) -> np.ndarray:
 def attach(
     obj: bpy.types.Object, skin: bpy.types.Object, kind: str, farthest: float, fit: str, skirt: float, by_parts: bool
 ) -> None:
-    """Makes an object one that is carried, where it is; it becomes a child of the skin. Lengths are those of the
-    world. `by_parts`: each connected part of a mesh as one body."""
-    own, scale = obj.vrtm_carry, scale_of(skin)
-    own.channels = [value for name in CHANNELS for value in getattr(obj, name)]
-    own.inverse, own.was_child = [value for row in obj.matrix_parent_inverse for value in row], obj.parent == skin
-    if not own.was_child:
-        obj.parent = skin
-        obj.matrix_parent_inverse = skin.matrix_world.inverted_safe()
+    """Makes an object one that is carried, where it is seen; one that is carried already gets these settings. Lengths
+    are those of the world. `by_parts`: each connected part of a mesh as one body."""
+    own, scale, known = obj.vrtm_carry, scale_of(skin), obj.vrtm_carry.skin == skin
     own.skin, own.kind, own.farthest, own.fit, own.skirt = skin, kind, farthest / scale, fit, skirt / scale
     own.pieces = by_parts and obj.type == "MESH"
-    if kind == "OBJECT":
-        own.rest = in_skin(obj).ravel().tolist()
-    else:
+    if known:
+        return
+    own.channels = [value for name in CHANNELS for value in getattr(obj, name)]
+    if obj.parent != skin:
+        holder = obj.constraints.new("CHILD_OF")
+        holder.name, holder.target, holder.show_expanded = carry_nodes.GROUP.name, skin, False
+        holder.inverse_matrix = skin.matrix_world.inverted_safe()
+    if kind == "POINTS":
         # Instances are moved when they are there; what has faces, and hair, before it is refined.
         first = obj.type == "CURVES" or (obj.type == "MESH" and kind_of(obj) == "OBJECT")
         carry_nodes.GROUP.insert(obj, at=0 if first else None)
@@ -182,6 +209,8 @@ def release(obj: bpy.types.Object) -> None:
     """Lets an object go: its place, parent and data are as before."""
     own = obj.vrtm_carry
     clear_baked(obj)
+    if (holder := holder_of(obj)) is not None:
+        obj.constraints.remove(holder)
     if own.kind == "OBJECT":
         values = list(own.channels)
         for name, width in CHANNELS.items():
@@ -192,11 +221,6 @@ def release(obj: bpy.types.Object) -> None:
         for name in carry_nodes.NAMES:
             if name in obj.data.attributes:
                 obj.data.attributes.remove(obj.data.attributes[name])
-    # Another parent is one that the artist has chosen meanwhile.
-    if obj.parent in (own.skin, None):
-        if not own.was_child:
-            obj.parent = None
-        obj.matrix_parent_inverse = Matrix(np.reshape(own.inverse, (4, 4)).tolist())
     for name in own.bl_rna.properties.keys():
         if name not in ("rna_type", "name"):
             own.property_unset(name)
@@ -208,6 +232,7 @@ def clear_baked(obj: bpy.types.Object) -> None:
         carry_nodes.show_live(obj)
     elif (action := own_keys(obj)) is not None:
         obj.animation_data_clear()
+        obj.matrix_basis = matrix_of(obj.vrtm_carry.placed)
         if not action.users:
             bpy.data.actions.remove(action)
 
@@ -219,17 +244,27 @@ def own_keys(obj: bpy.types.Object) -> bpy.types.Action | None:
 
 
 def read(skin: bpy.types.Object) -> CarriedInput:
-    """The things that an object carries, at rest."""
+    """The things that an object carries: at rest, or, where that is not known yet, as they are seen."""
     things = []
     for obj in carried_by(skin):
-        own, parts = obj.vrtm_carry, None
+        own, moved = obj.vrtm_carry, is_moved(obj)
+        parts = turned = off = None
         if whole := own.kind == "OBJECT":
-            to_skin = np.reshape(own.rest, (4, 4)).astype(np.float64)
-            places = to_skin[None, :3, 3]
+            to_skin = in_skin(obj) if moved else np.reshape(own.rest, (4, 4)).astype(np.float64)
+            places, off = to_skin[None, :3, 3], to_skin[None, 3, :3].copy()
+            to_skin[3, :3] = 0
         else:
             to_skin = in_skin(obj)
-            points = own_places(obj)
-            places = points.astype(np.float64) @ to_skin[:3, :3].T + to_skin[:3, 3]
+            points = places = own_places(obj).astype(np.float64)
+            if not moved:
+                back = geometry.read(obj.data.attributes[carry_nodes.TO_REST].data, "value", 16).reshape(-1, 4, 4)
+                # Of a new point it is 0, and in Edit Mode there is none.
+                back = np.resize(back, (len(points), 4, 4)) if len(back) else np.zeros((len(points), 4, 4))
+                back[~back.any((1, 2))] = np.eye(4)
+                off, axes = back[:, 3, :3] @ to_skin[:3, :3].T, rotation_of(to_skin)
+                places = np.einsum("nij,nj->ni", back[:, :3, :3], points) + back[:, :3, 3]
+                turned = axes @ np.swapaxes(back[:, :3, :3], 1, 2) @ axes.T
+            places = places @ to_skin[:3, :3].T + to_skin[:3, 3]
             if own.pieces:
                 edges = geometry.read(obj.data.edges, "vertices", 2, np.int32)
                 of = session.library("vrtm.bake.carry_parts")
@@ -238,9 +273,11 @@ def read(skin: bpy.types.Object) -> CarriedInput:
             raise Problem(f"{obj.name}: a point of it has no place (NaN): mend or delete it")
         if len(places):
             uid, way = obj.session_uid, (own.farthest, own.fit, own.skirt)
-            things.append(Thing(uid, obj.name, places, to_skin, whole, *way, parts))
-    told = repr([(thing.uid, thing.name, thing.way) for thing in things]).encode()
-    arrays = [of for thing in things for of in (thing.places, thing.to_skin, thing.parts) if of is not None]
+            seen = places if moved else None
+            things.append(Thing(uid, obj.name, places, to_skin, whole, *way, parts, seen, False, off, turned))
+    told = repr([(thing.uid, thing.name, thing.way, thing.seen is None) for thing in things]).encode()
+    each = [of for thing in things for of in (thing.places, thing.to_skin, thing.parts, thing.off, thing.turned)]
+    arrays = [of for of in each if of is not None]
     return CarriedInput(things, scale_of(skin), geometry.stamp_of(*arrays) + told)
 
 
@@ -253,14 +290,17 @@ def place(skin: bpy.types.Object, moved: dict[int, Moved]) -> None:
         if own is None:
             continue
         if obj.vrtm_carry.kind == "OBJECT":
+            if own.rest is not None:
+                obj.vrtm_carry.rest = own.rest.ravel().tolist()
             obj.matrix_basis = basis(obj, own)
+            obj.vrtm_carry.placed = [value for row in obj.matrix_basis for value in row]
         elif obj.mode != "EDIT":
             _place_points(obj, own)
 
 
 def basis(obj: bpy.types.Object, moved: Moved) -> Matrix:
     """The transform of an object that is carried as a whole."""
-    return obj.matrix_parent_inverse.inverted_safe() @ Matrix(moved.matrix.tolist())
+    return inverse_of(obj).inverted_safe() @ matrix_of(moved.matrix)
 
 
 def _place_points(obj: bpy.types.Object, moved: Moved) -> None:
@@ -271,6 +311,8 @@ def _place_points(obj: bpy.types.Object, moved: Moved) -> None:
     names = carry_nodes.ROOT, carry_nodes.PLACE, carry_nodes.TURN
     for name, values in zip(names, (roots, moved.places, moved.turns)):
         geometry.write(obj.data, name, domain_of(obj), "FLOAT_VECTOR", values)
+    if moved.rest is not None:
+        geometry.write(obj.data, carry_nodes.TO_REST, domain_of(obj), "FLOAT4X4", moved.rest)
     obj.data.update_tag()
 
 
@@ -281,8 +323,8 @@ def troubles(skin: bpy.types.Object) -> list[str]:
         found.append("It is hidden in renders, where what it carries is not moved then: press Bake Carried")
     for obj in carried_by(skin):
         own, text = obj.vrtm_carry, None
-        if obj.parent != skin:
-            text = f"is no child of {skin.name} any more: press Let Go, and carry it again"
+        if obj.parent != skin and holder_of(obj) is None:
+            text = f"does not follow {skin.name} any more: press Let Go, and carry it again"
         elif own.kind == "POINTS" and carry_nodes.GROUP.modifier_of(obj) is None:
             text = f"has lost its modifier {carry_nodes.GROUP.name!r}: press Let Go, and carry it again"
         elif own.kind == "OBJECT" and is_animated(obj) and own_keys(obj) is None:

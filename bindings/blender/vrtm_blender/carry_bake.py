@@ -75,9 +75,11 @@ class Bake(FrameBake):
         return [obj for obj in self._things(skin) if obj.vrtm_carry.kind == "POINTS"]
 
     def begin(self) -> None:
-        # Things do not show an earlier bake any more.
+        # Things do not show an earlier bake any more, and are bound where they are seen now.
         for skin in self.objects():
             live_again(skin)
+            if any(map(carry.is_moved, self._things(skin))):
+                solve.run(skin, bpy.context.evaluated_depsgraph_get())
             for obj in self._points(skin):
                 values = texels(len(carry.own_places(obj)))
                 geometry.write(obj.data, carry_nodes.TEXEL, carry.domain_of(obj), "FLOAT_VECTOR", values)

@@ -10,9 +10,12 @@ import bpy
 from . import packed, trees
 from .versions import image_of, set_input
 
-# Vectors of points, or of hair curves, in the object's own space: where it is at rest, where it is carried to, and its
-# turn as Euler angles (XYZ). And where the files of a bake have it: u, v of its place, and v of its turn.
-ROOT, PLACE, TURN, TEXEL = NAMES = ("vrtm_root", "vrtm_carried", "vrtm_turn", "vrtm_texel")
+# Vectors of points, or of hair curves, in the object's own space: where its data has it, where it is carried to, and
+# its turn from there as Euler angles (XYZ). And where the files of a bake have it: u, v of its place, v of its turn.
+ROOT, PLACE, TURN, TEXEL = "vrtm_root", "vrtm_carried", "vrtm_turn", "vrtm_texel"
+# And a transform, in that space: from where its data has it, in the pose in which it was bound, to where it is at rest.
+TO_REST = "vrtm_to_rest"
+NAMES = (ROOT, PLACE, TURN, TEXEL, TO_REST)
 
 
 def _fill(tree: bpy.types.NodeTree) -> None:

@@ -53,14 +53,15 @@ def read(collection, name: str, width: int, dtype=np.float32) -> np.ndarray:
 
 
 def write(mesh: bpy.types.Mesh, name: str, domain: str, kind: str, values: np.ndarray) -> None:
-    """Writes an attribute of vectors, colours or integers, which is made if it is not there or of another kind."""
+    """Writes an attribute of vectors, colours, integers or transforms, which is made if it is not there or of another
+    kind."""
     attribute = mesh.attributes.get(name)
     if attribute is not None and (attribute.domain, attribute.data_type) != (domain, kind):
         mesh.attributes.remove(attribute)
         attribute = None
     if attribute is None:
         attribute = mesh.attributes.new(name, kind, domain)
-    key = {"FLOAT_VECTOR": "vector", "FLOAT_COLOR": "color", "INT": "value"}[kind]
+    key = {"FLOAT_VECTOR": "vector", "FLOAT_COLOR": "color"}.get(kind, "value")
     values = np.ascontiguousarray(values, np.int32 if kind == "INT" else np.float32)
     attribute.data.foreach_set(key, values.ravel())
 

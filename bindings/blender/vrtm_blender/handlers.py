@@ -70,9 +70,13 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     for changed, geometry in ids:
         if isinstance(changed, bpy.types.Object) and geometry and changed.vrtm.is_followed:
             live.touch(changed, mesh=changed.data in meshes, maps=changed.mode in PAINT_MODES)
-    for update in depsgraph.updates:
-        if isinstance(update.id, bpy.types.Object) and update.id.original.vrtm_carry.kind == "POINTS":
-            live.touch_carried(update.id.original.vrtm_carry.skin)
+    for changed, _ in ids:
+        if isinstance(changed, bpy.types.Object) and (skin := changed.vrtm_carry.skin) is not None:
+            if changed.vrtm_carry.kind == "POINTS" or carry.is_moved(changed):
+                live.touch_carried(skin)
+                if carry.is_moved(changed) and not session.synchronous():
+                    # Where it is put it belongs in this very pose, also if the skin is not live.
+                    live.want(skin)
     if images or bpy.context.mode == "PAINT_TEXTURE":
         for obj in (obj for obj in scene.objects if obj.vrtm.is_set_up):
             if painted(obj) or {obj.vrtm.rigidity_image, obj.vrtm.mask_image} & images:

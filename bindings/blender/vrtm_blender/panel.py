@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, keep, status, tap
+from . import geometry, keep, session, status, tap
 from .operators.objects import PRESETS, preset_of
 
 
@@ -273,6 +273,9 @@ def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column(align=True)
     column.label(text=line.text, icon=line.icon)
     column.label(text=status.summary(obj), icon="BLANK1")
+    if settings.is_set_up and settings.strain == "NONE" and not session.shows_materials():
+        text = "Solid view does not show the result: see it in Material Preview (press Z)"
+        status.draw(layout, context, status.Line(text, "INFO"))
 
 
 def draw_worst(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:

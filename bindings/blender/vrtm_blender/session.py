@@ -87,6 +87,12 @@ def areas(*kinds: str) -> list[bpy.types.Area]:
     return [area for area in found if area.type in kinds]
 
 
+def shows_materials() -> bool:
+    """True if a 3D view shows materials, or there is none."""
+    views = [area.spaces.active.shading.type for area in areas("VIEW_3D")]
+    return not views or bool({"MATERIAL", "RENDERED"} & set(views))
+
+
 def synchronous() -> bool:
     """True if a frame is solved at once, and not beside Blender's work."""
     return rendering or baking or (bpy.app.background and not live_in_background)

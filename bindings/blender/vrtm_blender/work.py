@@ -50,7 +50,13 @@ class Work:
         self.applied = True
         if self._tell(0.0):
             raise concurrent.futures.CancelledError
-        prepared.asset.solve(request.positions, progress=self._tell, **request.options)
+
+        def solve() -> None:
+            prepared.asset.solve(request.positions, progress=self._tell, **request.options)
+
+        solve()
+        if not request.is_draft:
+            prepared.carriers.settle(request.positions, solve)
         return outcome.fetch(prepared, request, prepared.notes(notes))
 
     def _tell(self, fraction: float) -> bool:

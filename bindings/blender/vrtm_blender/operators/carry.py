@@ -17,7 +17,7 @@ class _Carry(OnObject):
 
     farthest: FloatProperty(
         name="Largest Distance",
-        description="Things farther from the skin at rest are not carried; 0: a twentieth of the skin's diagonal",
+        description="Things farther from the skin are not carried; 0: a twentieth of the skin's diagonal",
         min=0,
         subtype="DISTANCE",
     )
@@ -44,15 +44,16 @@ class _Carry(OnObject):
         chosen = [other for other in context.selected_objects if other != obj]
         if not chosen:
             raise Problem(f"{obj.name}: select what it is to carry, and {obj.name} last")
-        for other in [other for other in chosen if other.vrtm_carry.skin is not None]:
-            # Anew, with other settings.
-            carry.release(other)
-        carry_bake.live_again(obj)
-        context.view_layer.update()
         attached, refused = [], []
+        carry_bake.live_again(obj)
         for other in chosen:
-            kind = self.kind(other)
-            why = carry.reason(other, obj, kind)
+            own, kind = other.vrtm_carry, self.kind(other)
+            # What it carries already gets other settings.
+            known = own.skin == obj and own.kind == kind
+            if own.skin is not None and not known:
+                carry.release(other)
+            context.view_layer.update()
+            why = None if known else carry.reason(other, obj, kind)
             if why is None:
                 carry.attach(other, obj, kind, farthest, self.fit, self.skirt, self.pieces)
                 attached.append(other)
@@ -62,7 +63,6 @@ class _Carry(OnObject):
         refused += lines
         if not bound:
             raise Problem("; ".join(refused))
-        solve.run(obj, context.evaluated_depsgraph_get())
         for text in refused:
             self.report({"WARNING"}, text)
         return f"{obj.name}: {bound[0]}"
@@ -70,15 +70,19 @@ class _Carry(OnObject):
     def bind(
         self, context: bpy.types.Context, skin: bpy.types.Object, attached: list[bpy.types.Object]
     ) -> tuple[list[str], list[str]]:
-        """Binds attached things, and lets go those that are too far. Returns sentences on what is carried, and on the
-        rest."""
+        """Binds attached things where they are seen, and lets go those that are too far. Returns sentences on what is
+        carried, and on the rest."""
         if not attached:
             return [], []
-        context.view_layer.update()
         state = states.state_of(skin)
-        state.carried_changed = state.rewrite = True
+
+        def run() -> None:
+            context.view_layer.update()
+            state.carried_changed = state.rewrite = True
+            solve.run(skin, context.evaluated_depsgraph_get())
+
         try:
-            solve.prepare(skin, state)
+            run()
         except BaseException:
             for obj in attached:
                 carry.release(obj)
@@ -90,16 +94,18 @@ class _Carry(OnObject):
             if (found == TOO_FAR).all():
                 whole = obj.vrtm_carry.kind == "OBJECT"
                 carry.release(obj)
-                state.carried_changed = True
                 lines.append(
                     f"{obj.name} is not bound: {'its origin is' if whole else 'all its points are'} farther than "
-                    f"{farthest:.3g} from the skin at rest: go to the rest pose, or raise Largest Distance"
+                    f"{farthest:.3g} from the skin as it is seen: go to the frame where it lies on the skin, or raise "
+                    f"Largest Distance"
                     f"{' (or Object > Set Origin)' * whole}"
                 )
                 continue
             number, places = number + 1, places + int((found == BOUND).sum())
             if text := told(found, farthest):
                 lines.append(f"{obj.name}: {text}")
+        if number < len(attached):
+            run()
         if not number:
             return [], lines
         things = f"{number} object{'s' * (number > 1)}"
@@ -108,7 +114,7 @@ class _Carry(OnObject):
 
 class VRTM_OT_carry(_Carry, bpy.types.Operator):
     """Have the selected objects ride on the skin of the active one: each as a whole, and scatters, point clouds and
-    hair by their points. They have to be where they belong on the skin at rest"""
+    hair by their points. They have to be where they belong on the skin as it is seen, in any pose"""
 
     bl_idname = "vrtm.carry"
     bl_label = "Carry Objects"
@@ -129,7 +135,7 @@ class VRTM_OT_carry(_Carry, bpy.types.Operator):
 
 class VRTM_OT_wrap(_Carry, bpy.types.Operator):
     """Have each vertex of the selected meshes ride on the skin of the active one, as modelled scales or chain mail:
-    what lies on a rigid feature keeps its shape. They have to be where they belong on the skin at rest"""
+    what lies on a rigid feature keeps its shape. They have to be where they belong on the skin as it is seen"""
 
     bl_idname = "vrtm.wrap"
     bl_label = "Wrap Meshes"
