@@ -56,7 +56,7 @@ class Objects(Case):
 
     def test_the_sample(self):
         obj = sample.make()
-        obj.vrtm.device, obj.vrtm.measure, obj.vrtm.grid = "cpu", True, 512
+        obj.vrtm.device, obj.vrtm.measure, obj.vrtm.grid = "cpu", True, 256
         bpy.context.scene.frame_set(20)
         self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
         self.assertEqual(self.headline(obj), "Up to date")

@@ -379,13 +379,13 @@ class Picture(Case):
         bpy.ops.ed.undo_push(message="duplicate")
         name = bpy.context.view_layer.objects.active.name
         self.idle()
-        for step in range(3):
+        for step in range(2):
             bpy.data.objects[name].data.vertices[0].co.x += 0.01
             bpy.data.objects[name].data.update_tag()
             bpy.context.view_layer.update()
             bpy.ops.ed.undo_push(message=f"edit {step}")
             self.idle()
-        for step in (*[bpy.ops.ed.undo] * 4, *[bpy.ops.ed.redo] * 4, *[bpy.ops.ed.undo] * 3):
+        for step in (*[bpy.ops.ed.undo] * 3, *[bpy.ops.ed.redo] * 3, *[bpy.ops.ed.undo] * 2):
             step()
             self.idle()
             for obj in [obj for obj in bpy.data.objects if obj.type == "MESH"]:

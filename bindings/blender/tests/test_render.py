@@ -67,8 +67,8 @@ class Scene(Case):
 
 
 class Render(Scene):
-    def arm(self, tiles=1):
-        arm = Arm.with_studs(tiles=tiles)
+    def arm(self, tiles=1, size=128):
+        arm = Arm.with_studs(tiles=tiles, size=size)
         self.material(arm.object)
         self.camera((1.0, 0.5), 2.2)
         return arm
@@ -105,6 +105,7 @@ class Render(Scene):
         scene = bpy.context.scene
         scene.render.use_persistent_data = persistent
         arm = Arm.with_studs()
+        scene.frame_set(1)
         self.camera((1.0, 0.5), 2.2)
         # A patch of the arm's own faces, as a detail mesh, and a cube.
         patch = add_mesh("patch", arm.rest() * (1, 1.02, 1.02), arm.faces[400:700])
@@ -128,12 +129,12 @@ class Render(Scene):
 
     @each("tiles", (1, 2))
     def test_renders_and_bakes_have_settings_of_their_own(self, tiles):
-        arm = self.arm(tiles=tiles)
+        arm = self.arm(tiles=tiles, size=64)
         settings, folder = arm.object.vrtm, self.scratch()
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.set_up_material()
         expected, size = render(), tuple(settings.image.size)
-        for grid, quality in ((64, "draft"), (256, "normal")):
+        for grid, quality in ((32, "draft"), (96, "normal")):
             settings.grid, settings.map_size, settings.quality = grid, 0, quality
             self.update()
             self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
@@ -143,9 +144,9 @@ class Render(Scene):
         self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
         self.bakes_to(folder, 5, 5)
         bpy.ops.vrtm.bake()
-        self.assertEqual(load(os.path.join(folder, "arm.redirect.1001.0005.exr")).shape[:2], (128, 128))
+        self.assertEqual(load(os.path.join(folder, "arm.redirect.1001.0005.exr")).shape[:2], (64, 64))
         self.update()
-        self.assertEqual(self.figures(arm.object)["Grid"], "256 x 256")
+        self.assertEqual(self.figures(arm.object)["Grid"], "96 x 96")
 
     def test_a_render_goes_on_when_there_is_something_wrong(self):
         arm = self.arm()

@@ -130,7 +130,7 @@ class Solve(Case):
         self.assertEqual(figures["Folds"], "0")
 
     def test_what_is_advanced(self):
-        arm = Arm.with_studs()
+        arm = Arm.with_studs(size=64)
         settings, asset = arm.object.vrtm, arm.asset()
         bpy.context.scene.frame_set(5)
         for given, of in (
