@@ -100,6 +100,8 @@ class Carry(Case):
         mesh = add_mesh("scales", where, [(k, k + 1, k + 2) for k in range(7)])
         tufts = np.concatenate([where[:, None], where[:, None] + 0.05 * turns[:, None, :, 2]], 1)
         hair = self.hair(tufts)
+        # The farthest one from the skin at rest, and all others.
+        self.carry(max(studs, key=lambda stud: np.linalg.norm(self.in_world(rest)[studs.index(stud)] - stud.location)))
         self.carry(*studs, hair)
         self.carry(mesh, operator="wrap")
 
@@ -326,6 +328,16 @@ class Carry(Case):
         self.idle()
         moved, _ = self.expected(places + world(self.skin)[2, :3] * 0.01 / 1.7**2)
         np.testing.assert_allclose(drawn(cloud), moved, atol=4e-6)
+        # A dragged object is bound anew, also if the skin is not live; off the skin it stays, and that is told.
+        self.skin.vrtm.live = False
+        for way, told in ((0.02, False), (3, True)):
+            stud.location.z += way
+            self.idle()
+            self.assertEqual(part("carry").is_moved(stud), told)
+            self.assertEqual("stud 0: 1 of 1 are farther than" in self.notes(self.skin), told)
+            where = world(stud)
+            self.update()
+            np.testing.assert_allclose(world(stud), where, atol=4e-6)
 
     def test_nothing_is_left_or_lost(self):
         studs, (places, _) = self.studs(3), self.on_skin(4)

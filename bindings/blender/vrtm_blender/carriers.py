@@ -139,7 +139,9 @@ class Carriers:
         for attempt in range(4):
             carried = self._carried()
             off = [thing.seen - carried[thing.uid][0] for thing in seen]
-            if attempt == 3 or all(np.abs(way).max() < enough for way in off):
+            # What is far from the skin at rest may lie on it as it is seen.
+            far = attempt == 0 and any(TOO_FAR in self.states[thing.uid] for thing in seen)
+            if attempt == 3 or (not far and all(np.abs(way).max() < enough for way in off)):
                 break
             if attempt == 0:
                 self._guess(seen, pose)
