@@ -44,37 +44,40 @@ class _Carry(OnObject):
         chosen = [other for other in context.selected_objects if other != obj]
         if not chosen:
             raise Problem(f"{obj.name}: select what it is to carry, and {obj.name} last")
-        attached, refused = [], []
         carry_bake.live_again(obj)
+        # What it carries already gets other settings.
+        known = [other for other in chosen if (other.vrtm_carry.skin, other.vrtm_carry.kind) == (obj, self.kind(other))]
+        for other in [other for other in chosen if other.vrtm_carry.skin is not None and other not in known]:
+            carry.release(other)
+        context.view_layer.update()
+        attached, refused = [], []
         for other in chosen:
-            own, kind = other.vrtm_carry, self.kind(other)
-            # What it carries already gets other settings.
-            known = own.skin == obj and own.kind == kind
-            if own.skin is not None and not known:
-                carry.release(other)
-            context.view_layer.update()
-            why = None if known else carry.reason(other, obj, kind)
+            kind = self.kind(other)
+            why = None if other in known else carry.reason(other, obj, kind)
             if why is None:
                 carry.attach(other, obj, kind, farthest, self.fit, self.skirt, self.pieces)
                 attached.append(other)
             else:
                 refused.append(f"{other.name} {why}")
-        bound, lines = self.bind(context, obj, attached)
-        refused += lines
+        bound, places = self.bind(context, obj, attached, farthest, refused)
         if not bound:
             raise Problem("; ".join(refused))
         for text in refused:
             self.report({"WARNING"}, text)
-        return f"{obj.name}: {bound[0]}"
+        things = f"{bound} object{'s' * (bound > 1)} ({places} place{'s' * (places > 1)} bound)"
+        return f"{obj.name}: carries {things} within {farthest:.3g} of the skin"
 
+    @staticmethod
     def bind(
-        self, context: bpy.types.Context, skin: bpy.types.Object, attached: list[bpy.types.Object]
-    ) -> tuple[list[str], list[str]]:
-        """Binds attached things where they are seen, and lets go those that are too far. Returns sentences on what is
-        carried, and on the rest."""
-        if not attached:
-            return [], []
-        state = states.state_of(skin)
+        context: bpy.types.Context,
+        skin: bpy.types.Object,
+        attached: list[bpy.types.Object],
+        farthest: float,
+        refused: list[str],
+    ) -> tuple[int, int]:
+        """Binds attached things where they are seen, and lets go those that are too far, which `refused` tells. Returns
+        the numbers of things and places that are bound."""
+        state, bound, places = states.state_of(skin), 0, 0
 
         def run() -> None:
             context.view_layer.update()
@@ -88,28 +91,23 @@ class _Carry(OnObject):
                 carry.release(obj)
             state.carried_changed = True
             raise
-        number, places, lines, farthest = 0, 0, [], attached[0].vrtm_carry.farthest * carry.scale_of(skin)
         for obj in attached:
             found = state.prepared.carriers.states[obj.session_uid]
             if (found == TOO_FAR).all():
                 whole = obj.vrtm_carry.kind == "OBJECT"
                 carry.release(obj)
-                lines.append(
+                refused.append(
                     f"{obj.name} is not bound: {'its origin is' if whole else 'all its points are'} farther than "
                     f"{farthest:.3g} from the skin as it is seen: go to the frame where it lies on the skin, or raise "
-                    f"Largest Distance"
-                    f"{' (or Object > Set Origin)' * whole}"
+                    f"Largest Distance{' (or Object > Set Origin)' * whole}"
                 )
                 continue
-            number, places = number + 1, places + int((found == BOUND).sum())
+            bound, places = bound + 1, places + int((found == BOUND).sum())
             if text := told(found, farthest):
-                lines.append(f"{obj.name}: {text}")
-        if number < len(attached):
+                refused.append(f"{obj.name}: {text}")
+        if bound < len(attached):
             run()
-        if not number:
-            return [], lines
-        things = f"{number} object{'s' * (number > 1)}"
-        return [f"carries {things} ({places} place{'s' * (places > 1)} bound) within {farthest:.3g} of the skin"], lines
+        return bound, places
 
 
 class VRTM_OT_carry(_Carry, bpy.types.Operator):
