@@ -62,7 +62,7 @@ class Bake(Case):
 
     @each("failing", (None, "begin", "bake", "finish", "give_up"))
     def test_given_up_in_the_middle_or_failed(self, failing):
-        """Whatever fails, the end of a bake included, the bake is over, and the next one runs."""
+        """A bake is over whatever fails, its end included, and the next one runs."""
         arm, scene = Arm.with_studs(along=12, around=8, size=64), bpy.context.scene
         scene.frame_set(3)
         folder = self.settings(start=1, end=2, step=1)
