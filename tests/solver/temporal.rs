@@ -146,7 +146,7 @@ fn the_lag_is_that_of_any_grid() {
             [0.0, 0.3].map(|weight| figures(&stateless, play(&model, &held(weight), grid, 0)).lag);
         held - free
     };
-    let grids = if long::only("the grid of 192 cells") { vec![96, 192, 128] } else { vec![96, 128] };
+    let grids = if long::only("the grid of 192 cells") { vec![96, 192, 64] } else { vec![96, 64] };
     let lags: Vec<f64> = grids.into_iter().map(late).collect();
     println!("{lags:?}");
     for lag in &lags {
