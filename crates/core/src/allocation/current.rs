@@ -1,6 +1,6 @@
 //! Per-thread allocation state: whose allocator allocations come from, and whether the present one may fail.
 
-use std::ptr::{self, NonNull};
+use std::ptr;
 
 use super::host::{HostAllocator, Record};
 use crate::local;
@@ -17,9 +17,9 @@ impl Current {
 
     /// The allocator that this thread uses.
     pub fn of_this_thread() -> Current {
-        let record = NonNull::new(record().cast_mut());
+        let record = record();
         // SAFETY: a scope of this thread has entered the record, and keeps it alive.
-        Current(record.map(|record| unsafe { HostAllocator::of_record(record) }))
+        Current((!record.is_null()).then(|| unsafe { HostAllocator::of_record(record) }))
     }
 
     /// Uses this allocator on this thread until the scope is dropped.

@@ -10,6 +10,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ptr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::host::Record;
@@ -142,7 +143,8 @@ unsafe fn alloc_large(layout: Layout, zeroed: bool) -> *mut u8 {
         // SAFETY: the layout is not empty.
         memory = unsafe { host.alloc(whole.size(), whole.align()) };
         if !memory.is_null() {
-            host.retain();
+            // SAFETY: as above. The block keeps the record alive.
+            unsafe { Arc::increment_strong_count(record) };
             if zeroed {
                 // SAFETY: the memory has this size.
                 unsafe { memory.write_bytes(0, whole.size()) };
@@ -198,7 +200,7 @@ unsafe impl GlobalAlloc for Allocator {
             match record.as_ref() {
                 Some(host) => {
                     host.free(memory, whole.size(), whole.align());
-                    Record::release(record);
+                    Arc::decrement_strong_count(record);
                 }
                 None => give_back(memory, whole),
             }
