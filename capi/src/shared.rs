@@ -1,9 +1,8 @@
-//! An asset shared by several threads. Constant data and results can be read at any time; other data is used either by
-//! one call that changes it or by any number of calls that read it. Calls fail as busy instead of waiting, since a
-//! callback that calls into the asset would wait for itself.
+//! An asset shared by several threads. Constant data and results can be read at any time; all else is used by one call
+//! at a time. Others fail as busy instead of waiting, since a callback that calls into the asset would wait for itself.
 
 use std::cell::UnsafeCell;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY};
@@ -19,8 +18,7 @@ pub(super) struct SharedAsset {
     /// Facts about the mesh.
     pub info: AssetInfo,
     pub results: Results,
-    /// Number of calls that read the asset; `WRITER` while one call changes it.
-    users: AtomicUsize,
+    is_claimed: AtomicBool,
     asset: UnsafeCell<Asset>,
     /// Control of the solve in progress.
     solving: Mutex<Option<Arc<Control>>>,
@@ -28,49 +26,32 @@ pub(super) struct SharedAsset {
     ended: AtomicBool,
 }
 
-// SAFETY: `asset` is reached through `read` and `Claim` alone, which `users` keeps apart.
+// SAFETY: `asset` is reached through its one `Claim` alone.
 unsafe impl Sync for SharedAsset {}
-
-const WRITER: usize = usize::MAX;
 
 impl SharedAsset {
     pub fn new(asset: Asset) -> SharedAsset {
         SharedAsset {
             info: asset.info(),
             results: asset.results().clone(),
-            users: AtomicUsize::new(0),
+            is_claimed: AtomicBool::new(false),
             asset: UnsafeCell::new(asset),
             solving: Mutex::default(),
             ended: AtomicBool::new(false),
         }
     }
 
-    /// For calls that only read; any number may run at once.
-    pub fn read<R>(&self, body: impl FnOnce(&Asset) -> Outcome<R>) -> Outcome<R> {
-        struct Reading<'a>(&'a AtomicUsize);
-        impl Drop for Reading<'_> {
-            fn drop(&mut self) {
-                self.0.fetch_sub(1, Ordering::Release);
-            }
-        }
-        let enter = |users: usize| (users < WRITER - 1).then(|| users + 1);
-        self.users.fetch_update(Ordering::Acquire, Ordering::Relaxed, enter).map_err(|_| busy())?;
-        let _reading = Reading(&self.users);
-        // SAFETY: no call changes the asset while readers are counted.
-        body(unsafe { &*self.asset.get() })
-    }
-
-    /// For calls that change or build anything.
+    /// Calls `body` with the asset, of which it has exclusive use.
     pub fn write<R>(self: &Arc<Self>, body: impl FnOnce(&mut Asset) -> Outcome<R>) -> Outcome<R> {
         body(self.claim()?.asset())
     }
 
     /// Claims the asset for exclusive use by one call or job.
     pub fn claim(self: &Arc<Self>) -> Outcome<Claim> {
-        self.users
-            .compare_exchange(0, WRITER, Ordering::Acquire, Ordering::Relaxed)
-            .map(|_| Claim(self.clone()))
-            .map_err(|_| busy())
+        match self.is_claimed.swap(true, Ordering::Acquire) {
+            false => Ok(Claim(self.clone())),
+            true => Err(Failure::new(VRTM_ERROR_BUSY, "asset: another call, or a job, is using it")),
+        }
     }
 
     /// Cancels the solve in progress, if any.
@@ -93,7 +74,7 @@ pub(super) struct Claim(Arc<SharedAsset>);
 
 impl Claim {
     pub fn asset(&mut self) -> &mut Asset {
-        // SAFETY: only one claim exists at a time, without readers, and the asset is borrowed as long as the claim.
+        // SAFETY: only one claim exists at a time, and the asset is borrowed as long as the claim.
         unsafe { &mut *self.0.asset.get() }
     }
 
@@ -116,12 +97,8 @@ impl Drop for Claim {
     fn drop(&mut self) {
         // Clear this first: once the asset is released, another claim may announce its own solve.
         *lock(&self.0.solving) = None;
-        self.0.users.store(0, Ordering::Release);
+        self.0.is_claimed.store(false, Ordering::Release);
     }
-}
-
-fn busy() -> Failure {
-    Failure::new(VRTM_ERROR_BUSY, "asset: another call, or a job, is using it")
 }
 
 #[cfg(test)]
@@ -149,28 +126,10 @@ mod tests {
     }
 
     #[test]
-    fn an_asset_in_use_is_busy_and_never_waits() {
-        let asset = triangle();
-        let inner = asset.write(|_| {
-            assert_eq!(asset.read(|_| Ok(())).unwrap_err().status, VRTM_ERROR_BUSY);
-            Ok(asset.write(|_| Ok(())).unwrap_err().status)
-        });
-        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
-        // Readers do not block each other, and a writer fails instead of waiting for them.
-        let inner = asset.read(|_| {
-            assert!(asset.read(|_| Ok(())).is_ok());
-            Ok(asset.write(|_| Ok(())).unwrap_err().status)
-        });
-        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
-        assert!(asset.write(|_| Ok(())).is_ok());
-    }
-
-    #[test]
     fn an_asset_survives_a_panic() {
         let asset = triangle();
         let status = guard("vrtm_test", || asset.write(|_| -> Outcome<()> { panic!("in the middle") }));
         assert_eq!(status, VRTM_ERROR_INTERNAL);
-        assert_eq!(asset.read(|asset| Ok(asset.tile_count())).unwrap(), 1);
         assert!(asset.write(|asset| Ok(asset.set_rigidity(0, None)?)).is_ok());
     }
 }

@@ -259,7 +259,7 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
 ) -> vrtm_status {
     guard_struct("vrtm_tile_get_settings", settings, "settings", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        let now = asset.read(|asset| Ok(asset.settings(tile)?))?;
+        let now = asset.write(|asset| Ok(asset.settings(tile)?))?;
         Ok((&now).into())
     })
 }
