@@ -2,10 +2,11 @@
 
 use glam::{DVec2, DVec3};
 
-use vrtm_core::allocation::{Vec, vec, zeroed};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::{Error, Result};
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
+use vrtm_core::sets::grouped;
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
@@ -177,19 +178,9 @@ impl<'a> Triangles<'a> {
 
     /// Per vertex, the triangles with UVs there.
     fn by_vertex(&self) -> (Vec<u32>, Vec<u32>) {
-        let mut starts: Vec<u32> = zeroed(self.mesh.rest.len() + 1);
-        let corners = || self.vertices[..self.textured].iter().flatten();
-        corners().for_each(|&v| starts[v as usize + 1] += 1);
-        (1..starts.len()).for_each(|v| starts[v] += starts[v - 1]);
-        let mut next = starts.clone();
-        let mut list: Vec<u32> = zeroed(3 * self.textured);
-        for (k, vertices) in self.vertices[..self.textured].iter().enumerate() {
-            for &v in vertices {
-                list[next[v as usize] as usize] = k as u32;
-                next[v as usize] += 1;
-            }
-        }
-        (starts, list)
+        let corners = self.vertices[..self.textured].iter().zip(0..);
+        let of_triangle = |(vertices, k): (&[u32; 3], u32)| vertices.map(|v| (v as usize, k));
+        grouped(self.mesh.rest.len(), corners.flat_map(of_triangle))
     }
 }
 

@@ -7,9 +7,10 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::lattice::point;
-use vrtm_core::allocation::{Vec, vec, zeroed};
+use vrtm_core::allocation::Vec;
 use vrtm_core::mesh::triangle::barycentrics;
 use vrtm_core::mesh::{Source, TileMesh};
+use vrtm_core::sets::grouped;
 
 /// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile; or the
 /// mirror image of such a point beyond an open border.
@@ -61,20 +62,15 @@ impl Places {
         let next = |sum: &mut u32, tile: &Arc<TileMesh>| Some(replace(sum, *sum + tile.own() as u32));
         let first: Vec<u32> = tiles.iter().scan(0, next).collect();
         let count: usize = tiles.iter().map(|tile| tile.own()).sum();
-        let mut starts: Vec<u32> = zeroed(count + 1);
-        let number = |tile: u32, triangle: u32| (first[tile as usize] + triangle) as usize;
-        let sources = || tiles.iter().flat_map(|tile| &tile.sources);
-        sources().for_each(|source| starts[number(source.tile, source.triangle) + 1] += 1);
-        (0..count).for_each(|k| starts[k + 1] += starts[k]);
-        let mut next = starts.clone();
-        let mut entries: Vec<(u32, u32)> = vec![(0, 0); starts[count] as usize];
-        for (k, tile) in tiles.iter().enumerate() {
-            for (t, source) in tile.sources.iter().enumerate() {
-                let next = &mut next[number(source.tile, source.triangle)];
-                entries[*next as usize] = (k as u32, (tile.own() + t) as u32);
-                *next += 1;
-            }
-        }
+        let number = |source: &Source| (first[source.tile as usize] + source.triangle) as usize;
+        let collars = tiles
+            .iter()
+            .zip(0..)
+            .flat_map(|(tile, k)| (tile.own() as u32..).map(move |t| (k, t)).zip(&tile.sources));
+        let (starts, order) =
+            grouped(count, collars.clone().zip(0..).map(|((_, source), n)| (number(source), n)));
+        let collars: Vec<(u32, u32)> = collars.map(|(place, _)| place).collect();
+        let entries = order.iter().map(|&n| collars[n as usize]).collect();
         Places { tiles, first, starts, entries }
     }
 
