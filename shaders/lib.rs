@@ -1,70 +1,32 @@
 //! The parts of vrtm's compute shaders, in WGSL. `crates/gpu/src/kernels.rs` puts kernels together from them.
 
 macro_rules! texts {
-    ($($part:literal)*) => {
-        const TEXTS: &[(&str, &str)] = &[$(($part, include_str!(concat!($part, ".wgsl")))),*];
+    ($($folder:literal [$($part:literal)*])*) => {
+        const TEXTS: &[(&str, &str)] =
+            &[$($((concat!($folder, $part), include_str!(concat!($folder, $part, ".wgsl")))),*),*];
     };
 }
 
 texts! {
-    "certify"
-    "common"
-    "correct/arrive"
-    "correct/assemble"
-    "correct/block_smoother"
-    "correct/conjugate_gradients"
-    "correct/control"
-    "correct/falloff"
-    "correct/first_fractions"
-    "correct/galerkin"
-    "correct/gate"
-    "correct/multigrid"
-    "correct/multigrid_coarsest"
-    "correct/multigrid_down"
-    "correct/multigrid_up"
-    "correct/node_row"
-    "correct/pull"
-    "correct/restrict"
-    "correct/shrink"
-    "correct/slopes_anew"
-    "correct/slopes_kept"
-    "correct/step"
-    "correct/step_length"
-    "correct/step_limit"
-    "correct/step_vector"
-    "energy"
-    "generated"
-    "harm/features"
-    "harm/multiply"
-    "harm/squares"
-    "harm/weigh"
-    "invert"
-    "near_beyond"
-    "near_in_patch"
-    "partial_sum"
-    "patch"
-    "pbd/copy"
-    "pbd/moves"
-    "pbd/project"
-    "pbd/regularise"
-    "pbd/state"
-    "prolong"
-    "pull"
-    "pyramid_gather"
-    "pyramid_restrict"
-    "redirect"
-    "relax"
-    "relax_narrow"
-    "relax_wide"
-    "sampling/chords"
-    "sampling/metrics"
-    "sampling/resample"
-    "sampling/samples"
-    "sampling/triangle"
-    "shared_energy"
-    "slopes"
-    "surface"
-    "terms"
+    "" [
+        "certify" "common" "energy" "invert" "near_beyond" "near_in_patch" "partial_sum" "patch" "prolong" "pull"
+        "pyramid_gather" "pyramid_restrict" "redirect" "relax" "relax_narrow" "relax_wide" "shared_energy" "slopes"
+        "surface" "terms"
+    ]
+    "correct/" [
+        "arrive" "assemble" "block_smoother" "conjugate_gradients" "control" "falloff" "first_fractions" "galerkin"
+        "gate" "multigrid" "multigrid_coarsest" "multigrid_down" "multigrid_up" "node_row" "pull" "restrict" "shrink"
+        "slopes_anew" "slopes_kept" "step" "step_length" "step_limit" "step_vector"
+    ]
+    "harm/" [
+        "features" "multiply" "squares" "weigh"
+    ]
+    "pbd/" [
+        "copy" "moves" "project" "regularise" "state"
+    ]
+    "sampling/" [
+        "chords" "metrics" "resample" "samples" "triangle"
+    ]
 }
 
 /// The text of `PART.wgsl`.

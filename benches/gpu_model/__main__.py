@@ -32,6 +32,13 @@ NAVI = {
 MARKS_MAY_CHANGE = 0.01
 
 
+def declarations(root):
+    """The declarations that all kernels begin with."""
+    command = ["cargo", "run", "--quiet", "--manifest-path", str(root / "Cargo.toml")]
+    command += ["--package", "vrtm-gpu", "--example", "declarations"]
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
 def sources(root):
     """Name, entry and parts of each kernel in the table of kernels."""
     table = (root / "crates/gpu/src/kernels.rs").read_text()
@@ -41,6 +48,7 @@ def sources(root):
 
 def forms(root, wanted):
     """The kernels to be modelled, in their forms: with slopes kept, or computed anew where memory is short."""
+    shared = declarations(root)
     for name, entry, parts in sources(root):
         if wanted and not re.search(wanted, name):
             continue
@@ -51,7 +59,7 @@ def forms(root, wanted):
         if anew != parts:
             variants.append(anew)
         for variant in variants:
-            files = [root / f"shaders/{part}.wgsl" for part in ("generated", "common", *variant)]
+            files = [root / f"shaders/{part}.wgsl" for part in ("common", *variant)]
             form = [part.rsplit("_", 1)[-1] for part in variant if part.endswith(("_anew", "_kept"))]
             counted = f"{entry} ({parts[0]}"
             yield Kernel(
@@ -59,7 +67,7 @@ def forms(root, wanted):
                 entry,
                 counted,
                 " ".join(form),
-                "\n".join(file.read_text() for file in files),
+                "\n".join([shared, *(file.read_text() for file in files)]),
             )
 
 

@@ -1,6 +1,6 @@
 //! The table of compute kernels: entry point, shader files, bindings and bytes moved of each.
 
-use vrtm_core::allocation::Vec;
+use super::layout;
 use vrtm_shaders::text;
 
 /// One binding of a kernel.
@@ -45,7 +45,7 @@ pub mod slot {
 pub struct Source {
     pub kernel: Kernel,
     pub entry: &'static str,
-    /// Files in `shaders/` that follow `generated` and `common`.
+    /// Files in `shaders/` that follow `common`.
     pub parts: &'static [&'static str],
     /// The contents of these files.
     texts: &'static [&'static str],
@@ -78,7 +78,7 @@ macro_rules! kernels {
     };
 }
 
-// Entry point, files in `shaders/` that follow `generated` and `common`, bindings, and bytes per node.
+// Entry point, files in `shaders/` that follow `common`, bindings, and bytes per node.
 kernels! {
     Surface "surface" ["sampling/triangle", "surface"] [P, W(CHARTS), W(SURFACE), R(EXTRA), R(EXTRA + 1)] 0;
     PyramidGather "pyramid_gather" ["sampling/triangle", "pyramid_gather"]
@@ -213,7 +213,7 @@ impl Source {
             Some([_, small]) => *small,
             None => part,
         };
-        let parts = [text("generated"), text("common")].into_iter().chain(self.texts.iter().copied());
-        parts.map(small).collect::<Vec<_>>().join("\n")
+        let parts = [text("common")].into_iter().chain(self.texts.iter().copied());
+        parts.map(small).fold(layout::text(), |all, part| all + "\n" + part)
     }
 }

@@ -1,12 +1,11 @@
 //! Declarations shared by Rust and WGSL: the structs of buffers, the planes of blocks, and the values of a dispatch's
-//! `mode`. They are declared here and written to `shaders/generated.wgsl` (`gpu/generated.rs`).
+//! `mode`. All kernels begin with them, and with the constants of `method::law` (`text`).
 
 use bytemuck::{Pod, Zeroable};
 
-#[cfg(test)]
-use super::generated::WgslType;
-use super::generated::structs;
+use super::wgsl::{self, WgslType, structs};
 use vrtm_core::grid::Grid;
+use vrtm_core::method::law;
 
 /// Constants of both languages.
 pub mod shared {
@@ -357,6 +356,37 @@ structs! {
         /// Texels per step of the lattice.
         texels_per_step: [f32; 2] as "vec2f",
     }
+
+    /// A band of texel rows that the kernel `redirect` writes.
+    pub struct RedirectRequest {
+        /// Texels per row.
+        width: u32,
+        /// The band's first row, counted from v = 0 upward.
+        row: u32,
+        /// Number of rows in the band.
+        rows: u32,
+        /// Index of the band's first texel, in texels from the start of the binding.
+        first: u32,
+        /// Distance from a row to the next one, in texels, modulo 2^32.
+        step: u32,
+        /// 1 to write redirections as offsets from the texel's centre; 0 to write UVs.
+        is_delta: u32,
+        /// 1 to write f16; 0 to write f32.
+        is_half: u32,
+        /// Number of the grid's cells along u and v.
+        cells: [u32; 2],
+        /// The tile's lower left corner in UV space, which is added to UVs.
+        origin: [u32; 2],
+    }
+}
+
+/// All of these declarations, and the constants of both backends, in WGSL.
+pub fn text() -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = wgsl::write(&mut text, &law::declarations(), &[]);
+    let _ = wgsl::write(&mut text, &shared::declarations(), &struct_declarations());
+    text
 }
 
 #[cfg(test)]

@@ -6,9 +6,9 @@
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 mod identity;
-mod kernels;
-mod generated;
+mod wgsl;
 pub mod layout;
+mod kernels;
 mod pipelines;
 pub mod context;
 pub mod adapters;

@@ -2,42 +2,13 @@
 
 use std::ops::Range;
 
-use bytemuck::{Pod, Zeroable};
-
 use super::context::Context;
-#[cfg(test)]
-use super::generated::WgslType;
-use super::generated::structs;
 use super::kernels::Kernel;
-use super::layout::SPREAD;
+use super::layout::{RedirectRequest, SPREAD};
 use super::pipelines::{Pipeline, range};
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::image::format::PixelFormat;
-
-structs! {
-    /// A band of texel rows that the kernel `redirect` writes.
-    pub struct RedirectRequest {
-        /// Texels per row.
-        width: u32,
-        /// The band's first row, counted from v = 0 upward.
-        row: u32,
-        /// Number of rows in the band.
-        rows: u32,
-        /// Index of the band's first texel, in texels from the start of the binding.
-        first: u32,
-        /// Distance from a row to the next one, in texels, modulo 2^32.
-        step: u32,
-        /// 1 to write redirections as offsets from the texel's centre; 0 to write UVs.
-        is_delta: u32,
-        /// 1 to write f16; 0 to write f32.
-        is_half: u32,
-        /// Number of the grid's cells along u and v.
-        cells: [u32; 2],
-        /// The tile's lower left corner in UV space, which is added to UVs.
-        origin: [u32; 2],
-    }
-}
 
 /// Bytes of W⁻¹ at a texel's centre: two f32.
 pub const INVERSE_BYTES: u64 = 8;

@@ -55,7 +55,7 @@ impl Constant {
     }
 }
 
-/// Declares public constants, and, for tests, a function `declarations` that lists them in the same order.
+/// Declares public constants, and a function `declarations` that lists them in the same order.
 #[macro_export]
 #[doc(hidden)]
 macro_rules! constants {

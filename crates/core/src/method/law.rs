@@ -1,5 +1,5 @@
-//! The constants that both backends use. `shaders/generated.wgsl` is generated from them
-//! (`gpu/generated.rs`), so that each number is defined once.
+//! The constants that both backends use. Kernels of a GPU get them from here (`crates/gpu/src/layout.rs`), so that each
+//! number is defined once.
 
 constants! {
     /// ε: every corner Jacobian of a descent's warp is at least this (method §6).

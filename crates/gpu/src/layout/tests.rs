@@ -6,7 +6,6 @@ use wgpu::naga::{AddressSpace, ArraySize, Handle, Module, StorageAccess, Type, T
 
 use super::*;
 use crate::kernels::{Binding, SOURCES, Source, slot};
-use crate::redirect::RedirectRequest;
 use vrtm_core::allocation::Vec;
 
 /// A kernel's module, validated without optional capabilities.
