@@ -19,7 +19,6 @@ mod timestamps;
 mod transfer;
 mod recorder;
 mod results;
-mod sizes;
 mod upload;
 mod memory;
 mod follow;

@@ -2,52 +2,75 @@
 //! and the state of a solve.
 
 use std::collections::HashMap;
-use std::ops::Range;
+use std::ops::{Deref, Range};
 use std::sync::{Arc, Weak};
 
-use super::context::Context;
+use super::context::{Context, padded};
 use super::kernels::{Binding, Kernel, slot};
-use super::layout::{PLANE, Params, ROW_PLANES};
-use super::lists::{Lists, level_lists};
+use super::layout::{
+    Chart, METRIC_PLANES, PLANE, Params, ROW_PLANES, SUMS, VECTOR_PLANES, node_planes, state_planes,
+};
+use super::lists::{GATE_SETS, Lists, MAX_GATES, dispatch_size_bytes, level_lists, list_bytes};
 use super::pipelines::{Pipeline, range};
 use super::recorder::{Bound, RecorderResources};
-use super::records::{block_nodes, block_records, corners, features, triangles};
+use super::records::{block_nodes, block_records, corners, feature_words, features, triangles};
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
-use super::sizes::{BufferSizes, feature_bytes};
-use super::upload::Uploader;
+use super::upload::{Counter, Maker, Uploader};
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::Result;
 use vrtm_core::grid::features::{Features, Pieces};
-use vrtm_core::grid::planes::Plane;
+use vrtm_core::grid::planes::{NODES, Plane};
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
 
 /// One level's buffers.
 #[derive(Debug)]
-pub struct LevelBuffers {
-    pub blocks: wgpu::Buffer,
-    pub lists: wgpu::Buffer,
-    pub nodes: wgpu::Buffer,
+pub struct LevelBuffers<B = wgpu::Buffer> {
+    pub blocks: B,
+    pub lists: B,
+    pub nodes: B,
     /// The state on coarser levels; `None` on level 0, whose state is the result that the solve writes.
-    pub state: Option<wgpu::Buffer>,
+    pub state: Option<B>,
     /// The metric on coarser levels; `None` on level 0.
-    pub metric: Option<wgpu::Buffer>,
-    pub rows: wgpu::Buffer,
-    pub vectors: wgpu::Buffer,
+    pub metric: Option<B>,
+    pub rows: B,
+    pub vectors: B,
     /// Contributions of the finer level's blocks to this level's right-hand side in a V-cycle; on coarser levels only.
-    pub contributions: wgpu::Buffer,
+    pub contributions: B,
     /// On level 1, the triangles of the dual cells (method §3): first entries per node, and the entries.
-    pub gather: Option<[wgpu::Buffer; 2]>,
+    pub gather: Option<[B; 2]>,
 }
 
 /// The painted features of a grid, and what a solve knows of them.
 #[derive(Debug)]
-pub struct FeatureBuffers {
+pub struct FeatureBuffers<B = wgpu::Buffer> {
     /// Tells whether those of a grid are uploaded.
     of: Weak<Features>,
-    /// Per level, the features and the sums of their pieces.
-    pub levels: Vec<[wgpu::Buffer; 2]>,
-    pub multipliers: wgpu::Buffer,
+    /// Per level, the features and two sums for each of their pieces.
+    pub levels: Vec<[B; 2]>,
+    pub multipliers: B,
+}
+
+/// All storage buffers of a solver, or what they take.
+#[derive(Debug)]
+pub struct Buffers<B = wgpu::Buffer> {
+    pub levels: Vec<LevelBuffers<B>>,
+    pub features: FeatureBuffers<B>,
+    pub triangles: B,
+    pub corners: B,
+    pub positions: B,
+    pub charts: B,
+    pub ranges: B,
+    pub partials: B,
+    /// The number of charts, then the lengths of all lists.
+    pub dispatch_sizes: B,
+    /// A record of which gates were open.
+    pub gate_open: B,
+    /// A placeholder bound for contributions that do not exist: from a level finer than the finest, or to one coarser
+    /// than the coarsest.
+    pub no_contributions: B,
+    /// Two results: the last one and the next. `Memory` takes them.
+    results: Vec<B>,
 }
 
 /// The memory of a solver, kept between solves.
@@ -58,7 +81,7 @@ pub struct Memory {
     /// Its planes of triangles, which identify its blocks.
     pub blocks: Weak<Vec<Plane<u32>>>,
     pub context: Arc<Context>,
-    pub levels: Vec<LevelBuffers>,
+    pub buffers: Buffers,
     /// Per level, the number of active blocks of all charts.
     pub active_blocks: Vec<u64>,
     /// Per level, whether four threads relax a node.
@@ -68,27 +91,14 @@ pub struct Memory {
     /// Lists per level, for the charts in `listed_charts`.
     pub lists: Vec<Lists>,
     listed_charts: Option<Vec<bool>>,
-    pub features: FeatureBuffers,
-    pub triangles: wgpu::Buffer,
-    pub corners: wgpu::Buffer,
-    pub positions: wgpu::Buffer,
-    pub charts: wgpu::Buffer,
-    pub ranges: wgpu::Buffer,
-    pub partials: wgpu::Buffer,
-    /// Dispatch sizes (the number of charts first, then the lengths of all lists), the indirect arguments that the
-    /// gates derive from them, and a record of which gates were open.
-    pub dispatch_sizes: wgpu::Buffer,
+    /// The indirect arguments that gates derive from the dispatch sizes.
     pub indirect_arguments: wgpu::Buffer,
-    pub gate_open: wgpu::Buffer,
-    /// A placeholder bound for contributions that do not exist: from a level finer than the finest, or to one coarser
-    /// than the coarsest.
-    pub no_contributions: wgpu::Buffer,
     /// Number of dispatch sizes.
     pub dispatch_size_count: u32,
     pub recording: RecorderResources,
-    /// Bytes of all these buffers, and of two results.
+    /// Bytes of all these buffers.
     pub bytes: u64,
-    /// Two results: the last one and the next. There are more while older ones are being read.
+    /// The two results, and more while older ones are being read.
     results: Vec<Arc<ResultBuffers>>,
     /// Bind groups created so far, by kernel, level, the level's state and the kernel's extra buffers.
     pub bind_groups: HashMap<(Kernel, usize, wgpu::Buffer, Vec<wgpu::Buffer>), Bound>,
@@ -131,69 +141,104 @@ fn parts(grid: &Grid, tiles: &[&TileMesh]) -> Vec<Range<usize>> {
     tiles.iter().map(part).collect()
 }
 
-impl FeatureBuffers {
-    fn new(uploader: &Uploader, grid: &Grid) -> Result<FeatureBuffers> {
+/// Bytes of the finer level's contributions to one block: 10x10 sums of two components for each quarter.
+const CONTRIBUTIONS: u64 = 4 * 100 * 8;
+
+fn bytes_of<T>(count: usize) -> u64 {
+    (count * size_of::<T>()) as u64
+}
+
+impl<B: Clone> FeatureBuffers<B> {
+    fn new(maker: &impl Maker<Buffer = B>, grid: &Grid) -> Result<FeatureBuffers<B>> {
         let of_level = |pieces: &Pieces| {
-            let [size, squares] = feature_bytes(pieces);
-            let features = features(pieces);
-            let features = uploader.upload("features", size, bytemuck::cast_slice(&features))?;
-            Ok([features, uploader.storage("squares", squares)?])
+            let features = maker.upload("features", feature_words(pieces), || features(pieces))?;
+            Ok([features, maker.storage("squares", bytes_of::<[f32; 2]>(pieces.feature.len()))?])
         };
-        let bytes = (grid.features.count * size_of::<f32>()) as u64;
         Ok(FeatureBuffers {
             of: Arc::downgrade(&grid.features),
             levels: grid.features.levels.iter().map(of_level).collect::<Result<_>>()?,
-            multipliers: uploader.storage("multipliers", bytes)?,
+            multipliers: maker.storage("multipliers", bytes_of::<f32>(grid.features.count))?,
         })
     }
 }
 
-impl Memory {
-    /// Allocates the memory for the grid of some tiles, and uploads its constants. Several tiles are of one kind.
-    pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Memory> {
-        let sizes = BufferSizes::new(grid, tiles);
-        let uploader = Uploader::new(context);
-        let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
-        let no_contributions = storage("contributions", sizes.no_contributions)?;
-        let mut levels = Vec::with_capacity(grid.levels.len());
-        for (k, (level, sizes)) in grid.levels.iter().zip(&sizes.levels).enumerate() {
-            let of_level = 0..level.blocks.list.len();
-            let gather = match sizes.gather {
-                Some([starts_size, entries_size]) => {
-                    let (starts, entries) = grid.gather.of_blocks(of_level.clone());
-                    let entries: Vec<[u32; 2]> =
-                        entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collect();
-                    Some([
-                        uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
-                        uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
-                    ])
-                }
-                None => None,
+impl<B: Clone> Buffers<B> {
+    /// The buffers for the grid of some tiles, with its constants. Several tiles are of one kind.
+    fn new(maker: &impl Maker<Buffer = B>, grid: &Grid, tiles: &[&TileMesh]) -> Result<Buffers<B>> {
+        let storage = |label: &str, bytes: u64| maker.storage(label, bytes);
+        let no_contributions = storage("contributions", CONTRIBUTIONS)?;
+        let finest = grid.levels[0].blocks.list.len();
+        let of_level = |(k, level): (usize, &Level)| {
+            let count = level.blocks.list.len();
+            let planes = |n: usize| count as u64 * n as u64 * PLANE;
+            let coarser = |label: &str, bytes: u64| (k > 0).then(|| storage(label, bytes)).transpose();
+            let gather = || {
+                let [starts, entries] = grid.gather.sizes(0..count);
+                let entry = |&(t, fraction): &(u32, f32)| [t, fraction.to_bits()];
+                Ok([
+                    maker.upload("gather", starts, || grid.gather.of_blocks(0..count).0)?,
+                    maker.upload("gather", entries, || {
+                        grid.gather.of_blocks(0..count).1.iter().map(entry).collect()
+                    })?,
+                ])
             };
-            let blocks = block_records(grid, k, of_level.clone());
-            let nodes = block_nodes(grid, level, k, of_level);
-            levels.push(LevelBuffers {
-                blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
-                lists: storage("lists", sizes.lists)?,
-                nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
-                state: (k > 0).then(|| storage("state", sizes.state)).transpose()?,
-                metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
-                rows: storage("rows", sizes.rows)?,
-                contributions: match sizes.contributions {
-                    Some(bytes) => storage("contributions", bytes)?,
-                    None => no_contributions.clone(),
-                },
-                vectors: storage("vectors", sizes.vectors)?,
-                gather,
-            });
-        }
-        let blocks = &levels[0].blocks;
-        let result = || -> Result<_> {
-            let state = storage("result", sizes.levels[0].state)?;
-            Ok(Arc::new(ResultBuffers { state, blocks: blocks.clone() }))
+            Ok(LevelBuffers {
+                blocks: maker.upload("blocks", count, || block_records(grid, k, 0..count))?,
+                lists: storage("lists", list_bytes(count as u64))?,
+                nodes: maker.upload("nodes", count * node_planes(grid) * NODES, || {
+                    block_nodes(grid, level, k, 0..count)
+                })?,
+                state: coarser("state", planes(state_planes(k)))?,
+                metric: coarser("metric", planes(METRIC_PLANES))?,
+                rows: storage("rows", planes(ROW_PLANES))?,
+                vectors: storage("vectors", planes(VECTOR_PLANES))?,
+                contributions: coarser("contributions", count as u64 * CONTRIBUTIONS)?
+                    .unwrap_or_else(|| no_contributions.clone()),
+                gather: (k == 1).then(gather).transpose()?,
+            })
         };
+        let levels = grid.levels.iter().enumerate().map(of_level).collect::<Result<_>>()?;
+        let vertices = tiles.iter().flat_map(|tile| &tile.charts).map(|chart| chart.count()).sum();
+        let (charts, triangle_count) = (grid.movable.len(), grid.triangles.len());
+        let result = || storage("result", finest as u64 * RESULT_BLOCK);
+        Ok(Buffers {
+            levels,
+            features: FeatureBuffers::new(maker, grid)?,
+            triangles: maker.upload("triangles", triangle_count, || triangles(grid))?,
+            corners: maker.upload("corners", 3 * triangle_count, || corners(tiles))?,
+            positions: storage("positions", bytes_of::<[f32; 3]>(vertices))?,
+            charts: storage("charts", bytes_of::<Chart>(charts))?,
+            ranges: storage("ranges", bytes_of::<[u32; 2]>(charts * grid.levels.len()))?,
+            partials: storage("partials", bytes_of::<[f32; SUMS as usize]>(finest))?,
+            dispatch_sizes: storage("sizes", dispatch_size_bytes(grid.levels.len()))?,
+            gate_open: storage("gates", bytes_of::<u32>(MAX_GATES as usize))?,
+            no_contributions,
+            results: Vec::of([result()?, result()?]),
+        })
+    }
+}
+
+/// Bytes of the indirect arguments of all gates.
+fn indirect_bytes(grid: &Grid) -> u64 {
+    GATE_SETS as u64 * 4 * dispatch_size_bytes(grid.levels.len())
+}
+
+impl Deref for Memory {
+    type Target = Buffers;
+
+    fn deref(&self) -> &Buffers {
+        &self.buffers
+    }
+}
+
+impl Memory {
+    /// Allocates the memory for the grid of some tiles, and uploads its constants.
+    pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Memory> {
+        let mut buffers = Buffers::new(&Uploader::new(context), grid, tiles)?;
+        let blocks = buffers.levels[0].blocks.clone();
+        let result = |state| Arc::new(ResultBuffers { state, blocks: blocks.clone() });
+        let results = buffers.results.drain(..).map(result).collect();
         let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
-        let (triangles, corners) = (triangles(grid), corners(tiles));
         // As it is for each of the tiles alone.
         let first = tiles[0].charts.len() as u32;
         let is_wide = |level: &Level| {
@@ -206,44 +251,37 @@ impl Memory {
             active_blocks: grid.levels.iter().map(|level| active_blocks_of(level) as u64).collect(),
             is_wide: grid.levels.iter().map(is_wide).collect(),
             parts: parts(grid, tiles),
-            triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
-            corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,
-            features: FeatureBuffers::new(&uploader, grid)?,
-            positions: storage("positions", sizes.positions)?,
-            charts: storage("charts", sizes.charts)?,
-            ranges: storage("ranges", sizes.ranges)?,
-            partials: storage("partials", sizes.partials)?,
-            dispatch_sizes: storage("sizes", sizes.dispatch_sizes)?,
-            indirect_arguments: context.buffer("gates", sizes.indirect_arguments, indirect)?,
-            gate_open: storage("gates", sizes.gate_open)?,
-            no_contributions,
+            indirect_arguments: context.buffer("gates", indirect_bytes(grid), indirect)?,
             dispatch_size_count: 0,
-            bytes: sizes.total(),
+            bytes: Memory::bytes_for(grid, tiles),
             recording: RecorderResources::new(context)?,
-            results: [result()?, result()?].into_iter().collect(),
+            results,
             lists: Vec::new(),
             listed_charts: None,
             bind_groups: HashMap::new(),
             context: context.clone(),
-            levels,
+            buffers,
         };
         context.check()?;
         Ok(memory)
     }
 
+    /// See `Gpu::solver_bytes`.
+    pub fn bytes_for(grid: &Grid, tiles: &[&TileMesh]) -> u64 {
+        let counter = Counter::default();
+        // Counting cannot fail.
+        let _ = Buffers::new(&counter, grid, tiles);
+        counter.0.get() + padded(indirect_bytes(grid)) + RecorderResources::BYTES
+    }
+
     /// Uploads the features of a grid with the same blocks, if they are others.
     pub fn follow_features(&mut self, grid: &Grid) -> Result<()> {
         if !std::ptr::eq(self.features.of.as_ptr(), &*grid.features) {
-            self.features = FeatureBuffers::new(&Uploader::new(&self.context), grid)?;
+            self.buffers.features = FeatureBuffers::new(&Uploader::new(&self.context), grid)?;
             // They keep the old buffers alive.
             self.bind_groups.clear();
         }
         Ok(())
-    }
-
-    /// See `Gpu::solver_bytes`.
-    pub fn bytes_for(grid: &Grid, tiles: &[&TileMesh]) -> u64 {
-        BufferSizes::new(grid, tiles).total()
     }
 
     /// Returns the buffers of a result that nothing else is using.
@@ -363,31 +401,5 @@ impl Memory {
         let uses =
             stored.map(|binding| (buffer(binding.number()).clone(), matches!(binding, Binding::Write(_))));
         Bound { group, uses: Arc::new(uses.collect()) }
-    }
-
-    /// All buffers, each of them once.
-    #[cfg(test)]
-    #[allow(clippy::mutable_key_type, reason = "a buffer is compared by its identity")]
-    pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
-        let levels = self.levels.iter().flat_map(|level| {
-            let solver = [&level.rows, &level.vectors, &level.contributions];
-            let always = [&level.blocks, &level.lists, &level.nodes].into_iter().chain(solver);
-            always.chain(&level.state).chain(&level.metric).chain(level.gather.iter().flatten())
-        });
-        let features = self.features.levels.iter().flatten().chain([&self.features.multipliers]);
-        let results = self.results.iter().map(|result| &result.state);
-        let single = [
-            &self.triangles,
-            &self.corners,
-            &self.positions,
-            &self.charts,
-            &self.ranges,
-            &self.partials,
-            &self.dispatch_sizes,
-            &self.indirect_arguments,
-            &self.gate_open,
-            &self.recording.params,
-        ];
-        levels.chain(features).chain(results).chain(single).cloned().collect()
     }
 }

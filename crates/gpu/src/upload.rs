@@ -1,13 +1,55 @@
-//! Uploads to a tile's memory, submitted in portions.
+//! A solver's storage buffers: what makes them, with their contents submitted in portions, and what counts their bytes.
 
 use std::cell::Cell;
 use std::sync::Arc;
 
-use super::context::Context;
+use bytemuck::NoUninit;
+
+use super::context::{Context, padded};
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind, Result};
 
 /// The maximum number of uploaded bytes that wait in host memory for submission.
 const MAX_UNSUBMITTED: usize = 32 << 20;
+
+/// Makes storage buffers, or counts what they take.
+pub trait Maker {
+    type Buffer: Clone;
+
+    /// A storage buffer, all zero.
+    ///
+    /// # Errors
+    /// `Unsupported` if it is too large to be bound; `OutOfMemory`.
+    fn storage(&self, label: &str, bytes: u64) -> Result<Self::Buffer>;
+
+    /// A storage buffer with some contents, which are `count` in number.
+    ///
+    /// # Errors
+    /// Those of `storage`; `Internal` if they are counted wrongly.
+    fn upload<T: NoUninit>(
+        &self,
+        label: &str,
+        count: usize,
+        contents: impl FnOnce() -> Vec<T>,
+    ) -> Result<Self::Buffer>;
+}
+
+/// Counts the bytes of buffers.
+#[derive(Default)]
+pub struct Counter(pub Cell<u64>);
+
+impl Maker for Counter {
+    type Buffer = ();
+
+    fn storage(&self, _: &str, bytes: u64) -> Result<()> {
+        self.0.set(self.0.get() + padded(bytes));
+        Ok(())
+    }
+
+    fn upload<T: NoUninit>(&self, label: &str, count: usize, _: impl FnOnce() -> Vec<T>) -> Result<()> {
+        self.storage(label, (count * size_of::<T>()) as u64)
+    }
+}
 
 /// Creates storage buffers and fills them.
 pub struct Uploader<'a> {
@@ -19,35 +61,6 @@ pub struct Uploader<'a> {
 impl<'a> Uploader<'a> {
     pub fn new(context: &'a Arc<Context>) -> Uploader<'a> {
         Uploader { context, unsubmitted: Cell::new(0) }
-    }
-
-    /// Creates a storage buffer, all zero.
-    ///
-    /// # Errors
-    /// `Unsupported` if it is too large to be bound; `OutOfMemory`.
-    pub fn storage(&self, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
-        use wgpu::BufferUsages as Usage;
-        let limits = &self.context.limits;
-        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        if bytes > limit {
-            let message = format!("{label}: {bytes} bytes, but the GPU binds at most {limit}");
-            return Err(Error::new(ErrorKind::Unsupported, message));
-        }
-        self.context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
-    }
-
-    /// Creates a storage buffer of `size` bytes with the content `bytes`.
-    ///
-    /// # Errors
-    /// The errors of [`Uploader::storage`]; `Internal` if the size was counted wrongly.
-    pub fn upload(&self, label: &str, size: u64, bytes: &[u8]) -> Result<wgpu::Buffer> {
-        if size != bytes.len() as u64 {
-            let message = format!("{label}: {} bytes, but {size} were counted", bytes.len());
-            return Err(Error::new(ErrorKind::Internal, message));
-        }
-        let buffer = self.storage(label, size)?;
-        self.write(&buffer, 0, bytes)?;
-        Ok(buffer)
     }
 
     /// Writes to a buffer, from an offset on.
@@ -66,5 +79,37 @@ impl<'a> Uploader<'a> {
             }
         }
         Ok(())
+    }
+}
+
+impl Maker for Uploader<'_> {
+    type Buffer = wgpu::Buffer;
+
+    fn storage(&self, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
+        use wgpu::BufferUsages as Usage;
+        let limits = &self.context.limits;
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        if bytes > limit {
+            let message = format!("{label}: {bytes} bytes, but the GPU binds at most {limit}");
+            return Err(Error::new(ErrorKind::Unsupported, message));
+        }
+        self.context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
+    }
+
+    fn upload<T: NoUninit>(
+        &self,
+        label: &str,
+        count: usize,
+        contents: impl FnOnce() -> Vec<T>,
+    ) -> Result<wgpu::Buffer> {
+        let contents = contents();
+        if contents.len() != count {
+            let message = format!("{label}: {}, but {count} were counted", contents.len());
+            return Err(Error::new(ErrorKind::Internal, message));
+        }
+        let bytes = bytemuck::cast_slice(&contents);
+        let buffer = self.storage(label, bytes.len() as u64)?;
+        self.write(&buffer, 0, bytes)?;
+        Ok(buffer)
     }
 }

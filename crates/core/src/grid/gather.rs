@@ -67,10 +67,10 @@ impl Gather {
         (starts.iter().map(|start| start - first).collect(), &self.entries[first as usize..end as usize])
     }
 
-    /// Bytes of the two arrays of `of_blocks`; an entry has 8 bytes.
-    pub fn bytes_of(&self, blocks: std::ops::Range<usize>) -> [u64; 2] {
+    /// The lengths of the two arrays of `of_blocks`.
+    pub fn sizes(&self, blocks: std::ops::Range<usize>) -> [usize; 2] {
         let [first, end] = [blocks.start, blocks.end].map(|b| self.starts[b * NODES]);
-        [(blocks.len() * NODES + 1) as u64 * 4, u64::from(end - first) * 8]
+        [blocks.len() * NODES + 1, (end - first) as usize]
     }
 
     /// Bytes of memory in use.
