@@ -1,22 +1,25 @@
+//! Collars of sheets that are cut into charts: the surface beyond a seam lies where the uncut sheet has it.
+
+mod extended;
+
 use glam::{DMat2, DVec2};
 
-use super::*;
-use vrtm_core::allocation::{Vec, vec};
+use vrtm_beyond::{CollarTriangle, Surface, collar};
 use vrtm_core::mesh::{Mesh, MeshSource, UvSource};
 use vrtm_core::settings::Beyond;
 use vrtm_core::view::Strided;
 
 /// A sheet of `n` by `n` quads whose columns from `cut` on lie elsewhere in the UV plane.
-pub(crate) struct Sheet {
-    pub n: usize,
-    pub cut: usize,
+struct Sheet {
+    n: usize,
+    cut: usize,
     /// Position of the sheet's point (i, j) on the surface.
-    pub point: fn(f64, f64) -> [f32; 3],
+    point: fn(f64, f64) -> [f32; 3],
     /// The second chart's UVs, from those that the uncut sheet would have there.
-    pub turn: DMat2,
-    pub shift: DVec2,
+    turn: DMat2,
+    shift: DVec2,
     /// True if the last column's right border is the first one's left border on the surface.
-    pub closed: bool,
+    closed: bool,
 }
 
 impl Sheet {
@@ -25,7 +28,7 @@ impl Sheet {
         DVec2::new(0.1, 0.1) + 0.5 * DVec2::new(i as f64, j as f64) / self.n as f64
     }
 
-    pub fn mesh(&self) -> Mesh {
+    fn mesh(&self) -> Mesh {
         let n = self.n;
         let columns = if self.closed { n } else { n + 1 };
         let vertex = |i: usize, j: usize| (j * columns + i % columns) as u32;
@@ -66,7 +69,7 @@ impl Sheet {
     }
 }
 
-pub(crate) fn flat(x: f64, y: f64) -> [f32; 3] {
+fn flat(x: f64, y: f64) -> [f32; 3] {
     [x as f32, y as f32, 0.0]
 }
 
@@ -74,7 +77,7 @@ fn bent(x: f64, y: f64) -> [f32; 3] {
     [(2.0 * x).sin() as f32 / 2.0, y as f32, (2.0 * x).cos() as f32 / 2.0]
 }
 
-fn of_tile(mesh: &Mesh, tile: usize, reach: f64) -> Vec<Vec<CollarTriangle>> {
+fn of_tile(mesh: &Mesh, tile: usize, reach: f64) -> Vec<vrtm_core::allocation::Vec<CollarTriangle>> {
     let surface = Surface::new(mesh, tile, &Beyond { seams: true, open_borders: false, reach });
     let charts = 0..mesh.tiles[tile].charts.len();
     charts.map(|chart| collar(&surface, chart, reach, &|| ()).triangles).collect()

@@ -3,6 +3,7 @@
 mod assets;
 mod bits;
 mod budget;
+mod collars;
 mod cost;
 mod cuts;
 mod draft;

@@ -29,6 +29,3 @@ pub fn collar(surface: &Surface, chart: usize, reach: f64, check: &dyn Fn()) -> 
     check();
     flatten::flatten(surface, &patch, reach, scale, check)
 }
-
-#[cfg(test)]
-pub(crate) mod tests;

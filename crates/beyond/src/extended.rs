@@ -17,8 +17,6 @@
 //!   1 at the chart, falling to 0 where the collar ends.
 
 mod sides;
-#[cfg(test)]
-mod tests;
 
 use std::ops::Range;
 

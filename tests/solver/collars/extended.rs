@@ -2,8 +2,8 @@
 
 use glam::{DMat2, DVec2};
 
-use super::extended;
-use crate::collar::tests::{Sheet, flat};
+use super::{Sheet, flat};
+use vrtm_beyond::extended;
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
