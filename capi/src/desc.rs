@@ -178,7 +178,6 @@ impl User {
 mod tests {
     use super::*;
 
-    /// The struct as this library knows it, as an older host has it, and as a newer one.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, PartialEq)]
     struct Now {
@@ -187,50 +186,17 @@ mod tests {
         b: u32,
     }
 
-    #[repr(C)]
-    #[derive(Clone, Copy)]
-    struct Newer {
-        now: Now,
-        c: u32,
-    }
-
     // SAFETY: plain numbers.
     unsafe impl Sized32 for Now {
         const FIRST: usize = 8;
         const NAME: &'static str = "vrtm_now";
     }
 
-    const _: () = assert!(std::mem::offset_of!(Now, struct_size) == 0);
-
-    fn read_now(value: &Now) -> Outcome<Now> {
-        // SAFETY: a living struct; the tests keep `struct_size` within it.
-        unsafe { read(value, "desc") }
-    }
-
+    /// No input struct has grown yet: hosts in C cannot show this.
     #[test]
     fn an_older_host_s_missing_fields_are_zero() {
         let old = Now { struct_size: 8, a: 1, b: 99 };
-        assert_eq!(read_now(&old).unwrap(), Now { struct_size: 8, a: 1, b: 0 });
-    }
-
-    #[test]
-    fn a_newer_host_s_fields_must_be_zero() {
-        for c in [0, 1] {
-            let new = Newer { now: Now { struct_size: 16, a: 1, b: 2 }, c };
-            // SAFETY: a living struct of 16 bytes.
-            let found = unsafe { read(ptr::from_ref(&new).cast::<Now>(), "desc") };
-            assert_eq!(found.ok(), (c == 0).then_some(new.now));
-        }
-    }
-
-    #[test]
-    fn outputs_fill_what_the_host_has() {
-        let value = Now { struct_size: 0, a: 5, b: 6 };
-        let mut old = Now { struct_size: 8, a: 0, b: 77 };
-        fill(&raw mut old, "info", || Ok(value)).unwrap();
-        assert_eq!(old, Now { struct_size: 8, a: 5, b: 77 });
-        let mut new = Newer { now: Now { struct_size: 16, a: 0, b: 0 }, c: 9 };
-        fill((&raw mut new).cast::<Now>(), "info", || Ok(value)).unwrap();
-        assert_eq!((new.now, new.c), (Now { struct_size: 16, a: 5, b: 6 }, 0));
+        // SAFETY: a living struct of 12 bytes.
+        assert_eq!(unsafe { read(&raw const old, "desc") }.unwrap(), Now { struct_size: 8, a: 1, b: 0 });
     }
 }

@@ -50,6 +50,14 @@ static void versions_of_structs(void)
     info.struct_size = 12;
     fails("an output's struct_size", vrtm_device_get_info(device, &info), BAD, "info.struct_size is 12");
     check_that(info.threads == 0, "no info was written", "");
+    struct {
+        vrtm_device_info known;
+        uint64_t later;
+    } longer = {vrtm_device_info_init(), 9};
+    longer.known.struct_size = sizeof longer;
+    succeeds("a newer output struct", vrtm_device_get_info(device, &longer.known));
+    check_that(longer.known.threads > 0 && longer.later == 0 && longer.known.struct_size == sizeof longer,
+               "what the library does not know is zero", "");
 }
 
 static void devices(void)
