@@ -172,21 +172,6 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn every_kind_of_error_has_its_status() {
-        for (kind, status) in [
-            (ErrorKind::InvalidArgument, VRTM_ERROR_INVALID_ARGUMENT),
-            (ErrorKind::Unsupported, VRTM_ERROR_UNSUPPORTED),
-            (ErrorKind::OutOfMemory, VRTM_ERROR_OUT_OF_MEMORY),
-            (ErrorKind::NotSolved, VRTM_ERROR_NOT_SOLVED),
-            (ErrorKind::DeviceLost, VRTM_ERROR_DEVICE_LOST),
-            (ErrorKind::Cancelled, VRTM_ERROR_CANCELLED),
-            (ErrorKind::Internal, VRTM_ERROR_INTERNAL),
-        ] {
-            assert_eq!(Failure::from(Error::new(kind, "")).status, status);
-        }
-    }
-
-    #[test]
     fn every_status_has_a_name() {
         for status in VRTM_OK..=VRTM_ERROR_INTERNAL {
             // SAFETY: the function returns static strings.

@@ -82,15 +82,3 @@ fn take_place() -> Line<PLACE_BYTES> {
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_contained_panic_is_a_text() {
-        assert_eq!(contain(|| 7), Ok(7));
-        let text = contain(|| panic!("no {}", 8)).unwrap_err();
-        assert!(text.starts_with("no 8"), "{text}");
-    }
-}

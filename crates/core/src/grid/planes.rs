@@ -23,16 +23,3 @@ pub const fn node_at(slot: usize) -> (usize, usize) {
 /// Offsets of the four edges that a node owns: east, north, north-east, north-west. The other four belong to its
 /// neighbours (the paper's V_horz, V_vert, V_shear0, V_shear1).
 pub const EDGES: [(i64, i64); 4] = [(1, 0), (0, 1), (1, 1), (-1, 1)];
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn slots_and_nodes_are_inverse() {
-        for s in 0..NODES {
-            let (i, j) = node_at(s);
-            assert_eq!(slot(i, j), s);
-        }
-    }
-}
