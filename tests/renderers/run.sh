@@ -45,7 +45,7 @@ installed=$(sh "$here/../python/install.sh" "$venv") || {
     say "FAILED renderers: $installed"
     finish
 }
-# Blender 4.5 has no working colour spaces.
+# Blender 4.5 has no working colour spaces, and another name for EEVEE.
 newest=$venv-blender-5.2
 why=$(sh "$here/../python/setup.sh" "$newest" blender-5.2.txt) || newest=
 limited() {
@@ -66,10 +66,11 @@ if ! limited "$venv/bin/python" "$here/fixture.py" "$work" >"$work/log" 2>&1; th
 fi
 for name in cycles layers asset normals displacement paper shaders materialx osl oiio usd eevee; do
     start=$(date +%s) python=$venv/bin/python
-    if [ "$name" = cycles ]; then
-        [ -n "$newest" ] || { say "cycles skipped: $why" && continue; }
+    case $name in cycles | eevee)
+        [ -n "$newest" ] || { say "$name skipped: $why" && continue; }
         python=$newest/bin/python
-    fi
+        ;;
+    esac
     limited "$python" "$here/check_$name.py" "$work" >"$work/$name.log" 2>&1
     code=$?
     grep -v -e '^end$' -e '^EGL Error' -e '^$' "$work/$name.log" | tee -a "$log"
