@@ -7,15 +7,17 @@ of a farm, have the same.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
-from . import dilate, geometry, materials, picture, session
+from . import dilate, geometry, materials, on_seams, picture, session
+
+if TYPE_CHECKING:
+    from .prepared import Prepared
 
 AUTO = "auto"
-# Vertices that are nearer to one another than that share of a mesh's size are at one place.
-NEAR = 1e-5
 
 
 @dataclass(frozen=True)
@@ -57,17 +59,16 @@ def leave_open(obj: bpy.types.Object) -> None:
         settings.open_borders = AUTO
 
 
-def find_ends(obj: bpy.types.Object, scene: bpy.types.Scene) -> None:
+def find_ends(obj: bpy.types.Object, scene: bpy.types.Scene, prepared: Prepared) -> None:
     """Notes in the settings if other vertices, of the mesh or of other objects, lie at the ends of the mesh: sliding
     textures would come apart there."""
-    borders = session.library("vrtm.borders")
-    own, topology = _rest(obj), geometry.topology(obj)
-    near = NEAR * max(float(np.ptp(own, axis=0).max(initial=0)), 1e-30)
+    borders, vertices = session.library("vrtm.borders"), prepared.corner_vertices
+    counts = prepared.mesh.topology.face_counts
     others = [other for other in scene.objects if other.type == "MESH" and other != obj]
-    places = [borders.places(np.rint(of / near)) for of in (own, *map(_rest, others))]
-    textured = np.ones(len(topology.face_counts), bool)
-    border = borders.open_border(topology.corner_vertices, topology.face_counts, textured)
-    obj.vrtm.goes_on = bool(np.isin(places[0][border], borders.shared(places)).any())
+    own, *places = on_seams.places(_rest(obj), *map(_rest, others))
+    border = borders.open_border(vertices, counts, np.ones(len(counts), bool))
+    shared = borders.shared([own[np.unique(vertices)], *places])
+    obj.vrtm.goes_on = bool(np.isin(own[border], shared).any())
 
 
 def _rest(obj: bpy.types.Object) -> np.ndarray:

@@ -95,6 +95,8 @@ def figures(prepared: Prepared, request: Request, uvs: np.ndarray | None, found:
     shown.append(("Grid", f"{cells[0]} x {cells[1]}"))
     if on_seams := prepared.features_on_seams():
         shown.append(("On seams", f"{on_seams} feature{'s' * (on_seams > 1)}"))
+    if doubles := prepared.doubles.edges:
+        shown.append(("Doubles", f"{doubles} edges, {'welded' if prepared.welded else 'cut'}"))
     edges = sum(tile.segments + tile.segments_fixed for tile in tiles)
     if edges:
         # Of all that is rigid, what cannot move too.
@@ -126,7 +128,20 @@ def notes(prepared: Prepared, request: Request) -> list[str]:
     found = _of_rigidity(*prepared.rigid_share()) or _of_overlaps(prepared)
     if request.by_uv_map and prepared.whole_share() < LEAST_WHOLE:
         found.append("Faces are larger than features, which the UV map cannot follow: press Set Up by Image")
-    return found + prepared.carriers.notes()
+    return found + _of_doubles(prepared, request.positions) + prepared.carriers.notes()
+
+
+def _of_doubles(prepared: Prepared, pose: np.ndarray) -> list[str]:
+    """A sentence if doubled vertices may be meant as one, or as the ends of a surface."""
+    doubles, continues = prepared.doubles, prepared.asset.tiles[0].settings.seams == "continue"
+    if prepared.welded and continues and (apart := doubles.apart(pose)):
+        return [f"The mesh comes apart in this pose, at {apart} edges with doubled vertices: press Cut, below"]
+    if prepared.welded or prepared.mesh.weld == "cut" or not doubles.edges:
+        return []
+    return [
+        f"Features end at {doubles.edges} edges where vertices are double, at one place: press Weld, below, "
+        "if they belong together, or Cut if not, as at lips that are closed"
+    ]
 
 
 def _of_overlaps(prepared: Prepared) -> list[str]:

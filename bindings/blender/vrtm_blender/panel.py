@@ -111,6 +111,7 @@ class VRTM_PT_advanced(_Part, bpy.types.Panel):
             ("calm", "Up: no jitter in films. Down: rounder features"),
             ("keep_direction", "Up: scales and lettering turn less"),
             ("room", "Leave it, unless skin is crushed"),
+            ("weld", "Vertices at one place: Weld for imported files, Cut for lips"),
         ):
             column = layout.column(align=True)
             column.prop(context.object.vrtm, name)
@@ -191,8 +192,11 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
             status.draw(layout, context, line)
         if obj.vrtm.is_set_up and keep.unsaved_maps(obj):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
-        if "On seams" in dict(status.figures(obj)):
+        told = dict(status.figures(obj))
+        if "On seams" in told:
             layout.operator("vrtm.dilate")
+        if "Doubles" in told:
+            layout.row().prop(obj.vrtm, "weld", expand=True)
         draw_worst(layout, obj)
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")

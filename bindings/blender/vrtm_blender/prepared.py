@@ -12,6 +12,7 @@ from .carriers import CarriedInput, Carriers
 from .geometry import Topology
 from .layers import number_of
 from .maps import ORIGIN, Map
+from .on_seams import Doubles
 
 if TYPE_CHECKING:
     import vrtm
@@ -46,6 +47,7 @@ class MeshInput:
     rest: np.ndarray  # (vertices, 3) float32
     device: str
     max_layers: int
+    weld: str  # "auto", "weld" or "cut"
     stamp: Any
 
 
@@ -88,6 +90,8 @@ class Prepared:
     # The rigidity images that were set, by UDIM number.
     painted: dict[int, np.ndarray] = field(default_factory=dict)
     mesh: MeshInput | None = None
+    doubles: Doubles | None = None
+    welded: bool = False  # by their places
     # The rigidity by vertices, if it is.
     vertices: np.ndarray | None = None
     # Kept results of rigid_share, whole_share and features_on_seams, until maps or settings change.
@@ -104,6 +108,8 @@ class Prepared:
         if mesh is not None and (self.asset is None or self.stamps.get("mesh") != mesh.stamp):
             self.close()
             topology = mesh.topology
+            doubles = on_seams.doubles(topology, mesh.rest)
+            welded = mesh.weld == "weld" or (mesh.weld == "auto" and doubles.are_of_seams)
             self.asset = session.library().Asset(
                 session.device(mesh.device),
                 mesh.rest,
@@ -111,8 +117,9 @@ class Prepared:
                 face_counts=topology.face_counts,
                 uvs=topology.uvs,
                 max_layers=mesh.max_layers,
+                weld="position" if welded else "index",
             )
-            self.mesh = mesh
+            self.mesh, self.doubles, self.welded = mesh, doubles, welded
             self.layers = self.asset.face_layers() if number_of(self.asset) > 1 else None
             self.stamps["mesh"] = mesh.stamp
         if inputs.maps is not None:
@@ -177,8 +184,10 @@ class Prepared:
 
     def notes(self, said: list[vrtm.LogEntry]) -> list[str]:
         """The library's warnings of a solve, and its earlier ones of the same inputs."""
-        # outcome.py tells of overlaps.
-        said = [entry for entry in said if entry.code != "overlap"]
+        # outcome.py tells of overlaps, and of doubled vertices.
+        known = not self.welded and (self.mesh.weld == "cut" or self.doubles.edges)
+        left_out = ("overlap", "welds_torn", *["edges_apart"] * bool(known))
+        said = [entry for entry in said if entry.code not in left_out]
         for entry in said:
             if entry.code in LASTING:
                 self.told[entry] = {which: self.stamps.get(which) for which in LASTING[entry.code]}
@@ -195,6 +204,12 @@ class Prepared:
                 values = np.concatenate([self._texels(tile) for tile in self.asset.tiles] or [np.zeros(1, np.float32)])
             self.kept["rigid"] = float((values > 0.5).mean()), float(values.min()), float(values.max())
         return self.kept["rigid"]
+
+    @property
+    def corner_vertices(self) -> np.ndarray:
+        """The vertex of each corner, (corners,), as the solve connects faces: the first one at its place, if doubled
+        vertices are welded."""
+        return self.doubles.corner_vertices if self.welded else self.mesh.topology.corner_vertices
 
     @property
     def has_rigidity(self) -> bool:
@@ -232,7 +247,7 @@ class Prepared:
         if not self.painted or self.asset.tiles[0].settings.seams == "continue":
             return 0
         if "on_seams" not in self.kept:
-            self.kept["on_seams"] = on_seams.features(self.mesh.topology, self._painted)
+            self.kept["on_seams"] = on_seams.features(self.mesh.topology, self.corner_vertices, self._painted)
         return self.kept["on_seams"]
 
     def strain_of(self, pose: np.ndarray, uvs: np.ndarray) -> float:
@@ -278,7 +293,7 @@ class Prepared:
         self.told.clear()
         self.painted.clear()
         self.kept.clear()
-        self.mesh = self.vertices = self.layers = None
+        self.mesh = self.doubles = self.vertices = self.layers = None
         if asset is not None:
             asset.close()
 

@@ -150,6 +150,15 @@ class VrtmSettings(bpy.types.PropertyGroup):
         default=1 / 32,
         precision=4,
     )
+    weld: EnumProperty(
+        name="Doubles",
+        description="Vertices that lie at one place, as meshes from glTF and games have them along seams",
+        items=[
+            ("auto", "Auto", "One vertex where all of them lie on seams of the UV map, and else as Cut"),
+            ("weld", "Weld", "One vertex: features continue there, except in poses that pull them apart"),
+            ("cut", "Cut", "As many as the mesh has, as between lips: features end there"),
+        ],
+    )
     device: EnumProperty(
         name="Device",
         items=[

@@ -35,11 +35,11 @@ def read(obj: bpy.types.Object, state: State) -> None:
 def _read_mesh(obj: bpy.types.Object, state: State) -> None:
     device, max_layers = obj.vrtm.device, layers.MOST if obj.vrtm.overlaps == "each" else 0
     topology, rest = geometry.topology(obj), geometry.rest_positions(obj)
-    stamp = (topology.stamp, geometry.stamp_of(rest), device, max_layers)
+    stamp = (topology.stamp, geometry.stamp_of(rest), device, max_layers, obj.vrtm.weld)
     if state.stamps.get("mesh") != stamp:
         # Maps are set for a mesh, and carriers made for it: all of them again.
         state.maps_changed = state.carried_changed = True
-    state.inputs.mesh = MeshInput(topology, rest, device, max_layers, stamp)
+    state.inputs.mesh = MeshInput(topology, rest, device, max_layers, obj.vrtm.weld, stamp)
     state.stamps["mesh"] = stamp
     state.counts = geometry.counts(obj.data)
     state.mesh_changed = False

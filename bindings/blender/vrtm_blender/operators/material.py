@@ -114,7 +114,7 @@ class VRTM_OT_dilate(OnObject, bpy.types.Operator):
         solve.prepare(obj, state)
         number, painted = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
         borders.leave_open(obj)
-        borders.find_ends(obj, context.scene)
+        borders.find_ends(obj, context.scene, state.prepared)
         state.maps_changed = True
         # A job that was ended is to be done yet.
         live.touch(obj)
