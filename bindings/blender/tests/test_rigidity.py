@@ -1,5 +1,7 @@
 """Rigidity images that are made, changed, painted on and packed."""
 
+import types
+
 import numpy as np
 
 from support import Arm, Case, add_texture, bpy, each, fill, node_of, part, picture, pixels, studs
@@ -36,17 +38,19 @@ class Rigidity(Case):
         for options, expected in (
             ({"by": "colour", "colour": (0.8, 0.6, 0.3), "tolerance": 0.1}, studs(128)),
             ({"by": "colour", "colour": (0.1, 0.3, 0.1), "tolerance": 0.1}, 1 - studs(128)),
-            ({"threshold": 0.4, "invert": True}, 1 - studs(128)),
-            ({"image": "height", "threshold": 0.45}, (self.heights > 0.45).astype(float)),
+            ({"by": "bright"}, studs(128)),
+            ({"by": "bright", "threshold": 0.4, "invert": True}, 1 - studs(128)),
+            ({"by": "dark"}, 1 - studs(128)),
+            ({"by": "bright", "image": "height", "threshold": 0.45}, (self.heights > 0.45).astype(float)),
         ):
             bpy.ops.vrtm.rigidity_from_texture(**options)
             self.assertGreater(overlap(self.painted(arm), expected), 0.9, options)
         before = self.painted(arm).sum()
-        bpy.ops.vrtm.rigidity_from_texture(threshold=0.4)
+        bpy.ops.vrtm.rigidity_from_texture(by="bright", threshold=0.4)
         plain = self.painted(arm)
-        bpy.ops.vrtm.rigidity_from_texture(threshold=0.4, grow=2)
+        bpy.ops.vrtm.rigidity_from_texture(by="bright", threshold=0.4, grow=2)
         self.assertTrue((self.painted(arm) >= plain).all() and self.painted(arm).sum() > plain.sum())
-        bpy.ops.vrtm.rigidity_from_texture(threshold=0.4, size=64)
+        bpy.ops.vrtm.rigidity_from_texture(by="bright", threshold=0.4, size=64)
         self.assertEqual(tuple(settings.rigidity_image.size), (64, 64))
         self.assertGreater(before, 0)
         self.refused("no image 'nobody'", bpy.ops.vrtm.rigidity_from_texture, image="nobody")
@@ -66,14 +70,88 @@ class Rigidity(Case):
         fill(image, self.colours)
         from_texture = bpy.ops.vrtm.rigidity_from_texture
         at = tuple(free.T)
-        from_texture(smallest=0, threshold=0.4)
+        from_texture(by="bright", smallest=0, threshold=0.4)
         self.assertGreater(self.painted(arm)[at].min(), 0.5)
-        from_texture(threshold=0.4)
+        from_texture(by="bright", threshold=0.4)
         self.assertEqual(self.painted(arm)[at].max(), 0)
         self.assertGreater(overlap(self.painted(arm), studs(128)), 0.95)
         # A stud is 14 texels wide.
-        from_texture(smallest=20, threshold=0.4)
+        from_texture(by="bright", smallest=20, threshold=0.4)
         self.assertEqual(self.painted(arm).max(), 0)
+
+    def test_the_skin_is_not_taken_for_the_feature(self):
+        """Neither by default, on a skin that is bright, nor without a question."""
+        arm = self.arm()
+        settings, of = arm.object.vrtm, part("operators.rigidity").VRTM_OT_rigidity_from_texture
+        self.colours[..., :3] = 0.9 - self.colours[..., :3]
+        fill(bpy.data.images["colour"], self.colours)
+        bpy.ops.vrtm.rigidity_from_texture()
+        self.assertGreater(overlap(self.painted(arm), studs(128)), 0.95)
+        # Another texture has a color of its own.
+        other = picture("other", np.roll(self.colours, 40, 1)[..., [1, 2, 0, 3]])
+        bpy.ops.vrtm.rigidity_from_texture("EXEC_DEFAULT", image="other", proposed_for="colour", colour=(1, 0, 0))
+        self.assertGreater(overlap(self.painted(arm), np.roll(studs(128), 40, 1)), 0.95)
+        self.update(5)
+        self.assertEqual(self.line(arm.object), ("Up to date", "CHECKMARK"))
+        grown, much, most = (np.zeros((128, 128), np.float32) for _ in range(3))
+        grown[10:100, :60], grown[10:40, 80:] = 1, 1
+        much[:90], most[:118] = 1, 1
+        for values, asked, icon in (
+            (studs(128), "", "CHECKMARK"),
+            (grown, "One is larger than all others together", "CHECKMARK"),
+            (much, " % is rigid. Is it the skin", "CHECKMARK"),
+            (most, " % is rigid, so that next to nothing can give way. Is it the skin", "INFO"),
+        ):
+            given = types.SimpleNamespace(invert=False, smallest=3, grow=0)
+            found, told = of.made(given, {None: values}, dict)
+            self.assertEqual("Is it the skin" in told, bool(asked), told)
+            if asked.startswith("One"):
+                self.assertIn(asked, told)
+            self.assertSame(found[None], values)
+            fill(settings.rigidity_image, values)
+            self.update()
+            self.assertEqual(self.line(arm.object), ("Up to date", icon))
+            self.assertEqual(asked in self.notes(arm.object), not asked.startswith("One"), self.notes(arm.object))
+        self.assertEqual(other.users, 0)
+
+    def test_the_pictures_of_the_dialog(self):
+        self.arm()
+        of, shown = part("operators.rigidity"), {}
+        for name, tiles in (("texture", {None: self.colours}), ("rigidity", {1001: studs(128), 1002: studs(64)})):
+            icon = of.preview(name, tiles)
+            shown[name] = of.previews[name]
+            self.assertEqual(icon, shown[name].icon_id)
+        self.assertEqual([tuple(one.image_size) for one in shown.values()], [(256, 256), (512, 256)])
+        found = np.reshape(shown["texture"].image_pixels_float, (256, 256, 4))
+        self.assertLess(np.abs(found[::2, ::2] - self.colours).max(), 0.01)
+
+    def test_repeated_tries_have_one_image(self):
+        arm = self.arm()
+        settings = arm.object.vrtm
+        bpy.ops.vrtm.rigidity_from_texture()
+        # Whatever shows it goes on with the new one.
+        node = arm.object.active_material.node_tree.nodes.new("ShaderNodeTexImage")
+        node.image = settings.rigidity_image
+        for step in (
+            bpy.ops.vrtm.rigidity_from_texture,
+            lambda: bpy.ops.vrtm.rigidity_from_heights(feature=0.11),
+            lambda: bpy.ops.vrtm.change_rigidity(how="grow"),
+            bpy.ops.vrtm.keep_detail,
+            bpy.ops.vrtm.keep_detail,
+        ):
+            self.assertEqual(step(), {"FINISHED"})
+            self.assertEqual(node.image, settings.rigidity_image)
+            names = sorted(image.name for image in bpy.data.images if image.name.startswith("arm "))
+            self.assertEqual(names, ["arm mask", "arm rigidity"] if settings.mask_image else ["arm rigidity"])
+        # What was painted on, and what is another object's, is kept.
+        other = bpy.data.objects.new("other", arm.mesh)
+        other.vrtm.rigidity_source, other.vrtm.rigidity_image = "IMAGE", settings.rigidity_image
+        for of in (other, arm.object):
+            before = of.vrtm.rigidity_image
+            bpy.ops.vrtm.rigidity_from_texture()
+            self.assertEqual((before.name, settings.rigidity_image != before), (before.name, True))
+            fill(settings.rigidity_image, np.ones((128, 128), np.float32))
+        self.assertEqual(len([image for image in bpy.data.images if image.name.startswith("arm rigidity")]), 3)
 
     def test_from_heights(self):
         arm = self.arm()
@@ -203,7 +281,7 @@ class Rigidity(Case):
         # From a texture with tiles.
         folder = self.scratch()
         texture = arm.paint_tiles(folder, "albedo")
-        bpy.ops.vrtm.rigidity_from_texture(image=texture.name)
+        bpy.ops.vrtm.rigidity_from_texture(image=texture.name, by="bright")
         found = part("maps").read_image(arm.object.vrtm.rigidity_image)
         for udim, values in arm.painted.items():
             self.assertGreater(overlap(found[udim][..., 0], values), 0.9)

@@ -20,8 +20,8 @@ from .packed import WHOLE
 if TYPE_CHECKING:
     import vrtm
 
-# Custom properties of a copy: the reach that it was made with, and a stamp of its pixels at that time.
-REACH, STAMP = "vrtm_reach", "vrtm_stamp"
+# The custom property of a copy: the reach that it was made with.
+REACH = "vrtm_reach"
 
 
 def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
@@ -92,17 +92,13 @@ def _let_go(images: Iterable[bpy.types.Image]) -> list[str]:
     for image in images:
         if not is_copy(image) or image.users:
             continue
-        if image.is_dirty or image[STAMP] != _stamp(image):
-            image.use_fake_user, image.vrtm_original = True, None
-            del image[REACH], image[STAMP]
-            kept.append(image.name)
-        else:
+        if maps.is_as_made(image):
             bpy.data.images.remove(image)
+            continue
+        image.use_fake_user, image.vrtm_original = True, None
+        del image[REACH], image[maps.STAMP]
+        kept.append(image.name)
     return kept
-
-
-def _stamp(image: bpy.types.Image) -> str:
-    return maps.stamp_of_tiles(maps.read_image(image)).hex()
 
 
 def _holds_normals(node: bpy.types.Node) -> bool:
@@ -141,5 +137,6 @@ def _copy(image: bpy.types.Image, asset: vrtm.Asset, reach: float, normals: bool
     name = f"{image.name} dilated"
     copy = packed.image(name, copies, image)
     copy.vrtm_original = image
-    copy[REACH], copy[STAMP] = reach, _stamp(copy)
+    copy[REACH] = reach
+    maps.mark_made(copy)
     return copy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import messages, result_image, session
+from . import maps, messages, result_image, session
 
 
 def keep_results() -> None:
@@ -24,6 +24,23 @@ def keep_image(image: bpy.types.Image | None) -> None:
     """Has an unused image saved with the file: only the artist deletes it."""
     if image is not None and not image.users and image.library is None:
         image.use_fake_user = True
+
+
+def replace_image(before: bpy.types.Image | None, image: bpy.types.Image) -> bool:
+    """Has a map take the name and the place of the one before, if that was made by this add-on, not painted on, and is
+    no other object's; otherwise that is kept. Returns True if it did."""
+    if before is None or before == image:
+        return False
+    maps_of = [{obj.vrtm.rigidity_image, obj.vrtm.mask_image} for obj in bpy.data.objects]
+    if before.library is not None or any(before in each for each in maps_of) or not maps.is_as_made(before):
+        keep_image(before)
+        return False
+    name = before.name
+    # Whatever else shows it, such as an image editor, goes on with the new one.
+    before.user_remap(image)
+    bpy.data.images.remove(before)
+    image.name = name
+    return True
 
 
 def unsaved_maps(obj: bpy.types.Object) -> list[str]:

@@ -15,6 +15,8 @@ from .messages import Problem
 
 # The pixels of Blender's images begin with the bottom row.
 ORIGIN = "bottom"
+# The custom property of an image that this add-on made: a stamp of its pixels at that time.
+STAMP = "vrtm_stamp"
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,16 @@ def read_map(obj: bpy.types.Object, which: str) -> Map:
 
 def stamp_of_tiles(tiles: dict[int | None, np.ndarray]) -> bytes:
     return stamp_of(*(pixels for _, pixels in sorted(tiles.items(), key=lambda of: of[0] or 0)))
+
+
+def mark_made(image: bpy.types.Image) -> None:
+    """Notes the present pixels of an image as those that this add-on made."""
+    image[STAMP] = stamp_of_tiles(read_image(image)).hex()
+
+
+def is_as_made(image: bpy.types.Image) -> bool:
+    """True if an image has the pixels that this add-on made: nothing was painted on it."""
+    return STAMP in image and not image.is_dirty and image[STAMP] == stamp_of_tiles(read_image(image)).hex()
 
 
 def read_image(image: bpy.types.Image) -> dict[int | None, np.ndarray]:

@@ -16,6 +16,9 @@ from .result_image import Layout, layout_of, redirection
 # The least share of rigid texels in triangles that are rigid as a whole at which a UV map keeps features round: about
 # four triangles across a feature.
 LEAST_WHOLE = 0.4
+# The shares of the texture above which it is asked if the skin was taken for the features, and this is said.
+MUCH_RIGID, MOST_RIGID = 0.6, 0.9
+IS_SKIN = "Is it the skin, which is to give way? Then press Invert, or From Texture again, in Rigidity Map"
 
 
 @dataclass
@@ -53,7 +56,8 @@ class Outcome:
     carried: dict[int, Moved]  # by the uids of objects
     figures: list[tuple[str, str]]
     features: Features  # of the image
-    notes: list[str]
+    notes: list[str]  # of what is likely a mistake
+    questions: list[str]  # of what may be one
 
 
 def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
@@ -75,7 +79,8 @@ def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
     found = Features() if request.by_uv_map else features.fetch(prepared)
     shown = figures(prepared, request, uvs, found)
     told = told + notes(prepared, request)
-    return Outcome(layout, images, prepared.layers, uvs, surface, colours, carried, shown, found, told)
+    asked = questions(prepared)
+    return Outcome(layout, images, prepared.layers, uvs, surface, colours, carried, shown, found, told, asked)
 
 
 def figures(prepared: Prepared, request: Request, uvs: np.ndarray | None, found: Features) -> list[tuple[str, str]]:
@@ -131,6 +136,12 @@ def notes(prepared: Prepared, request: Request) -> list[str]:
     return found + _of_doubles(prepared, request.positions) + prepared.carriers.notes()
 
 
+def questions(prepared: Prepared) -> list[str]:
+    """What may be meant, in sentences: it does not take the tick away."""
+    share = prepared.rigid_share()[0]
+    return [f"{percent(share)} is rigid. {IS_SKIN}"] if MUCH_RIGID < share <= MOST_RIGID else []
+
+
 def _of_doubles(prepared: Prepared, pose: np.ndarray) -> list[str]:
     """A sentence if doubled vertices may be meant as one, or as the ends of a surface."""
     doubles, continues = prepared.doubles, prepared.asset.tiles[0].settings.seams == "continue"
@@ -167,4 +178,6 @@ def _of_rigidity(share: float, least: float, most: float) -> list[str]:
         return [f"The map is {most:.2f} at most: what is to keep its shape as well as it can is 1, white"]
     if share == 1:
         return [f"The map is {least:.2f} at least: what is to give way is 0, black"]
+    if share > MOST_RIGID:
+        return [f"{percent(share)} is rigid, so that next to nothing can give way. {IS_SKIN}"]
     return []

@@ -73,6 +73,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outcome.uvs, False
     state.features, state.looked_at = outcome.features, 0
     state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []
+    state.questions = list(outcome.questions) if obj.vrtm.is_set_up else []
     still_right(state, request)
     if obj.vrtm.is_set_up and all(output is None for output in (outcome.images, outcome.uvs, outcome.surface)):
         state.notes.append("No output is switched on: see Quality and Outputs")

@@ -62,6 +62,7 @@ class State:
     error: bool = False
     # Notes of the library and of this add-on on the result that is shown.
     notes: list[str] = field(default_factory=list)
+    questions: list[str] = field(default_factory=list)
     figures: list[tuple[str, str]] = field(default_factory=list)
     features: Features = field(default_factory=Features)
     # As picture.py has them.

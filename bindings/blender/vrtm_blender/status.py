@@ -151,7 +151,7 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
         found.append(Line("What it carries shows a bake: press Carry Live to have it follow the skin", "INFO"))
     found += [Line(text, "ERROR") for text in keep.unsaved_maps(obj)]
     if state is not None and not state.error:
-        found += [Line(text, "INFO") for text in state.notes]
+        found += [Line(text, "INFO") for text in state.notes + state.questions]
     return found
 
 

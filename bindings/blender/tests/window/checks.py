@@ -152,6 +152,8 @@ def check_walk():
     search("from texture")
     yield 0.5
     press("key", "Return")
+    yield 2
+    press("key", "Return")
     yield from until(lambda: obj.vrtm.rigidity_image != rigidity)
     yield from solved(obj)
     press("mousemove", "110", "955", "click", "1")
@@ -342,8 +344,11 @@ def check_begin():
     yield 1
     assert not obj.vrtm.is_set_up
     picture("begin")
-    # The second one: From Texture.
+    # The second one: From Texture, whose dialog shows what would be rigid.
     press("key", "f")
+    yield 2
+    picture("from_texture")
+    press("key", "Return")
     yield from until(lambda: obj.vrtm.is_set_up)
     yield from solved(obj)
 

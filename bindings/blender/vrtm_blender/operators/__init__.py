@@ -6,6 +6,11 @@ import bpy
 
 from . import bake, carry, material, objects, rigidity, solve
 
-register, unregister = bpy.utils.register_classes_factory(
+register, unregister_classes = bpy.utils.register_classes_factory(
     [cls for part in (solve, objects, rigidity, material, bake, carry) for cls in part.CLASSES]
 )
+
+
+def unregister() -> None:
+    unregister_classes()
+    rigidity.previews.close()

@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import bpy
+import bpy.utils.previews
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from .. import geometry, keep, live, maps, packed, status, textures, versions
-from ..messages import Problem
+from ..messages import Problem, text_of
+from ..outcome import MUCH_RIGID, percent
 from ..session import library
 from .base import OnObject
 from .material import set_up
 
 Tiles = dict[int | None, np.ndarray]
+IS_SKIN = "Is it the skin, which is to give way? Then choose another color, Bright, Dark or Invert"
+# The pictures of dialogs.
+previews = bpy.utils.previews.new()
 
 
 def has_image(obj: bpy.types.Object) -> bool:
@@ -22,25 +27,43 @@ def has_image(obj: bpy.types.Object) -> bool:
 
 
 def show(obj: bpy.types.Object, image: bpy.types.Image) -> None:
-    """Makes an image the object's rigidity. The one before is left as it is, and saved with the file."""
+    """Makes an image the object's rigidity. The one before is left as it is, and saved with the file, unless it was
+    made and not painted on."""
     settings, scene = obj.vrtm, bpy.context.scene
     before = settings.rigidity_image
     settings.rigidity_source, settings.rigidity_image, settings.rigidity_channel = "IMAGE", image, "R"
     paint = scene.tool_settings.image_paint
     if before is not None and paint.canvas == before:
         paint.canvas = image
-    if before is not None and before != image:
-        keep.keep_image(before)
+    keep.replace_image(before, image)
     live.touch(obj, mesh=False)
 
 
-def made_of(obj: bpy.types.Object, source: bpy.types.Image, change: Callable[[Tiles], Tiles]) -> bpy.types.Image:
-    """A new rigidity image out of the tiles of another image."""
-    tiles = {}
-    for udim, values in change(maps.read_image(source)).items():
-        values = np.clip(values, 0, 1)
-        tiles[udim or packed.WHOLE] = np.stack([values, values, values, np.ones_like(values)], -1).astype(np.float32)
-    return packed.image(f"{obj.name} rigidity", tiles)
+def made_of(obj: bpy.types.Object, found: Tiles) -> bpy.types.Image:
+    """A new rigidity image of an object out of its tiles."""
+    image = packed.image(f"{obj.name} rigidity", {udim or packed.WHOLE: rgba(values) for udim, values in found.items()})
+    maps.mark_made(image)
+    return image
+
+
+def rgba(values: np.ndarray) -> np.ndarray:
+    """Greys, (height, width), as colours; a picture as it is."""
+    values = np.clip(values, 0, 1).astype(np.float32)
+    return values if values.ndim > 2 else np.stack([values, values, values, np.ones_like(values)], -1)
+
+
+def preview(name: str, tiles: Tiles) -> int:
+    """An icon that shows tiles side by side, as the dialog's pictures are."""
+    icon = previews.get(name) or previews.new(name)
+
+    def square(values: np.ndarray) -> np.ndarray:
+        rows, columns = (((np.arange(256) + 0.5) * size / 256).astype(int) for size in values.shape[:2])
+        return rgba(values)[rows][:, columns]
+
+    picture = np.concatenate([square(values) for values in tiles.values()], 1)
+    icon.image_size = picture.shape[1::-1]
+    icon.image_pixels_float = picture.ravel()
+    return icon.icon_id
 
 
 class _FromImage(OnObject):
@@ -72,6 +95,13 @@ class _FromImage(OnObject):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
+        row = layout.row()
+        for name, icon in self._shown.items():
+            column = row.column()
+            column.template_icon(icon, scale=8)
+            column.label(text={"texture": "The texture", "rigidity": "White keeps its shape"}[name])
+        if self._told:
+            status.draw(layout, context, status.Line(self._told, "QUESTION" if "?" in self._told else "INFO"))
         layout.prop_search(self, "image", bpy.data, "images")
         for name in (*self.own(), "smallest", "invert", "grow", "size"):
             layout.prop(self, name)
@@ -85,36 +115,87 @@ class _FromImage(OnObject):
             raise Problem(f"{obj.name}: its materials have no {what}: choose an image")
         return found
 
-    def make(self, obj: bpy.types.Object, source: bpy.types.Image, change: Callable[[Tiles], Tiles]) -> str:
-        of, features, specks = library().rigidity, 0, 0
+    def given(self, obj: bpy.types.Object) -> tuple[bpy.types.Image, Callable[[Tiles], Tiles], str]:
+        """The picture of an object, the way from its tiles to rigidity, and a remark."""
+        raise NotImplementedError
 
-        def made(tiles: Tiles) -> Tiles:
-            nonlocal features, specks
-            found = change({udim: of.smaller(pixels, self.size) for udim, pixels in tiles.items()})
-            for udim, values in found.items():
-                left, *counts = of.without_specks(of.changed(values, self.invert), self.smallest)
-                features, specks = features + counts[0], specks + counts[1]
-                found[udim] = of.changed(left, grow=self.grow)
-            return found
-
-        image = made_of(obj, source, made)
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        source, change, remark = self.given(obj)
+        found, told = self.made(self.tiles(source), change)
+        image = made_of(obj, found)
         show(obj, image)
-        left_out = f", {specks} specks left out" if specks else ""
-        text = f"{obj.name}: {image.name!r} is made of {source.name!r}: {features} features{left_out}"
+        text = f"{obj.name}: {image.name!r} is made of {source.name!r}: {told}{remark}"
         return f"{text}; {set_up(bpy.context, obj)}" if self.set_up else text
+
+    def tiles(self, source: bpy.types.Image) -> Tiles:
+        smaller = library().rigidity.smaller
+        return {udim: smaller(pixels, self.size) for udim, pixels in maps.read_image(source).items()}
+
+    def made(self, tiles: Tiles, change: Callable[[Tiles], Tiles]) -> tuple[Tiles, str]:
+        """The rigidity of a picture's tiles, and what it has, in words."""
+        of, features, specks, large = library().rigidity, 0, 0, False
+        found = change(tiles)
+        for udim, values in found.items():
+            left, *counts = of.without_specks(of.changed(values, self.invert), self.smallest)
+            features, specks = features + counts[0], specks + counts[1]
+            found[udim] = of.changed(left, grow=self.grow)
+        rigid = sum((values > 0.5).sum() for values in found.values())
+        if features > 1:
+            # A disc of half of all that is rigid.
+            width = (2 * rigid / np.pi) ** 0.5
+            large = any(of.without_specks(values, width)[1] for values in found.values())
+        share = rigid / sum(values.size for values in found.values())
+        text = f"{features} features, {percent(share)} of the texture"
+        text += f", {specks} specks left out" * (specks > 0)
+        asked = f". {IS_SKIN}" if share > MUCH_RIGID else ""
+        return found, text + (asked or f". One is larger than all others together. {IS_SKIN}" * large)
+
+    # The dialog shows the texture, and what would be rigid.
+    _shown: dict[str, int] = {}
+    _told = ""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        try:
+            self.look(context)
+        except Exception:
+            # Told as it is from scripts.
+            return self.execute(context)
+        return context.window_manager.invoke_props_dialog(self, width=420)
+
+    def check(self, context: bpy.types.Context) -> bool:
+        """Called by the dialog when a setting was changed."""
+        try:
+            self.look(context)
+        except Exception as error:  # told below the pictures.
+            self._told = text_of(error)
+        return True
+
+    def look(self, context: bpy.types.Context) -> None:
+        source, change, _ = self.given(context.object)
+        tiles = self.tiles(source)
+        found, self._told = self.made(tiles, change)
+        self._shown = {"texture": preview("texture", tiles), "rigidity": preview("rigidity", found)}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        # Adjust Last Operation has no pictures: the scene is there.
+        self._shown, self._told = {}, ""
+        return super().execute(context)
 
 
 class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
-    """Make the rigidity image out of the texture: texels brighter than a threshold, or of about a colour"""
+    """Make the rigidity image out of the texture: texels of about a color, or what is bright or dark"""
 
     bl_idname = "vrtm.rigidity_from_texture"
     bl_label = "Rigidity from Texture"
 
     by: EnumProperty(
-        name="By",
+        name="Keeps Its Shape",
         items=[
-            ("brightness", "Brightness", "Texels brighter than the threshold"),
-            ("colour", "Color", "Texels of about the colour"),
+            ("colour", "This Color", "Texels of about the color"),
+            ("bright", "Bright", "Texels brighter than the threshold"),
+            ("dark", "Dark", "Texels darker than the threshold"),
         ],
     )
     threshold: FloatProperty(
@@ -125,28 +206,48 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
         subtype="FACTOR",
     )
     colour: FloatVectorProperty(
-        name="Color", description="As the texture's image has it", subtype="COLOR_GAMMA", min=0, max=1, default=(1,) * 3
+        name="Color",
+        description="As the texture's image has it. Click on it, and take it from the texture with the pipette",
+        subtype="COLOR_GAMMA",
+        min=0,
+        max=1,
+        default=(1,) * 3,
     )
+    # The image of which the color was taken; a color of another one is not.
+    proposed_for: StringProperty(options={"HIDDEN"})
     tolerance: FloatProperty(
         name="Tolerance",
-        description="Largest distance from the colour",
+        description="Largest distance from the color",
         min=0.001,
         max=2,
         default=0.2,
         subtype="FACTOR",
     )
 
-    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+    def given(self, obj: bpy.types.Object) -> tuple[bpy.types.Image, Callable[[Tiles], Tiles], str]:
         source = self.source(obj, textures.colour_image(obj), "Image Texture")
-        return self.make(obj, source, self.change)
+        unset = not self.properties.is_property_set("colour") or self.proposed_for not in ("", source.name)
+        if self.by == "colour" and unset and obj == bpy.context.object:
+            self.colour, self.proposed_for = rarer_colour(self.tiles(source)), source.name
+        return source, self.change, ""
 
     def change(self, tiles: Tiles) -> Tiles:
+        of = library().rigidity
         if self.by == "colour":
-            return library().rigidity.of_colour(tiles, self.colour, self.tolerance)
-        return library().rigidity.of_brightness(tiles, self.threshold)
+            return of.of_colour(tiles, self.colour, self.tolerance)
+        found = of.of_brightness(tiles, self.threshold)
+        return {udim: of.changed(values, self.by == "dark") for udim, values in found.items()}
 
     def own(self) -> tuple[str, ...]:
         return ("by", "colour", "tolerance") if self.by == "colour" else ("by", "threshold")
+
+
+def rarer_colour(tiles: Tiles) -> np.ndarray:
+    """The middle color of the bright or the dark texels, whichever are fewer."""
+    pixels = np.concatenate([values[..., :3].reshape(-1, 3) for values in tiles.values()])
+    bright = library().rigidity.brightness(pixels[None])[0]
+    over = bright > library().rigidity.otsu(bright)
+    return np.median(pixels[over if over.any() and 2 * over.sum() <= len(over) else ~over], axis=0).clip(0, 1)
 
 
 class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
@@ -167,14 +268,16 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
     )
     sunken: BoolProperty(name="Sunken", description="Parts deeper than their surroundings are rigid")
 
-    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+    def given(self, obj: bpy.types.Object) -> tuple[bpy.types.Image, Callable[[Tiles], Tiles], str]:
         found, down = (None, False) if self.image else textures.height_image(obj)
         source = self.source(obj, found, "texture behind the height of a Bump or Displacement node")
         sunken = self.sunken != down
-        text = self.make(
-            obj, source, lambda tiles: library().rigidity.of_heights(tiles, self.feature, self.threshold, sunken)
-        )
-        return text + "; what is dark in it is high, as its nodes have it" * down
+        remark = "; what is dark in it is high, as its nodes have it" * down
+
+        def change(tiles: Tiles) -> Tiles:
+            return library().rigidity.of_heights(tiles, self.feature, self.threshold, sunken)
+
+        return source, change, remark
 
     def own(self) -> tuple[str, ...]:
         return "feature", "threshold", "sunken"
@@ -186,6 +289,12 @@ class _OnImage(OnObject):
     @classmethod
     def why_not(cls, context: bpy.types.Context) -> str | None:
         return super().why_not(context) or (None if has_image(context.object) else "The rigidity is no image")
+
+
+def rigid_tiles(obj: bpy.types.Object) -> Tiles:
+    """The object's rigidity image, by tiles."""
+    channel = "RGBA".index(obj.vrtm.rigidity_channel)
+    return {udim: pixels[..., channel] for udim, pixels in maps.read_image(obj.vrtm.rigidity_image).items()}
 
 
 class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
@@ -205,16 +314,13 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
     texels: IntProperty(name="Texels", description="By how much it becomes larger or smaller", min=1, max=64, default=2)
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        source, channel = obj.vrtm.rigidity_image, "RGBA".index(obj.vrtm.rigidity_channel)
+        tiles, name = rigid_tiles(obj), obj.vrtm.rigidity_image.name
         grow = {"invert": 0, "grow": self.texels, "shrink": -self.texels}[self.how]
-
-        def change(tiles: Tiles) -> Tiles:
-            changed = library().rigidity.changed
-            return {udim: changed(pixels[..., channel], self.how == "invert", grow) for udim, pixels in tiles.items()}
-
-        image = made_of(obj, source, change)
+        changed = library().rigidity.changed
+        image = made_of(obj, {udim: changed(values, self.how == "invert", grow) for udim, values in tiles.items()})
         show(obj, image)
-        return f"{obj.name}: {image.name!r} is the rigidity now; {source.name!r} is as it was"
+        kept = f"; {name!r} is as it was" if image.name != name else ""
+        return f"{obj.name}: {image.name!r} is the rigidity now{kept}"
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(self, "how")
@@ -233,23 +339,19 @@ class VRTM_OT_keep_detail(_OnImage, bpy.types.Operator):
         settings, texture, before = obj.vrtm, textures.colour_image(obj), obj.vrtm.mask_image
         if texture is None:
             raise Problem(f"{obj.name}: its materials have no Image Texture")
-        channel, shown = "RGBA".index(settings.rigidity_channel), maps.read_image(texture)
-
-        def change(tiles: Tiles) -> Tiles:
-            rigid = {udim: pixels[..., channel] for udim, pixels in tiles.items()}
-            # An image without tiles is repeated on all of them.
-            pictures = {udim: shown.get(udim, shown.get(None)) for udim in rigid}
-            if missing := [udim for udim, pixels in pictures.items() if pixels is None]:
-                raise Problem(f"image {texture.name!r} has no tile {missing[0] or 'that is not a UDIM tile'}")
-            found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=1.0)
-            return {udim: 1 - values for udim, values in found.items()}
-
-        image = made_of(obj, settings.rigidity_image, change)
-        image.name = f"{obj.name} mask"
+        rigid, shown = rigid_tiles(obj), maps.read_image(texture)
+        # An image without tiles is repeated on all of them.
+        pictures = {udim: shown.get(udim, shown.get(None)) for udim in rigid}
+        if missing := [udim for udim, pixels in pictures.items() if pixels is None]:
+            raise Problem(f"image {texture.name!r} has no tile {missing[0] or 'that is not a UDIM tile'}")
+        found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=1.0)
+        image = made_of(obj, {udim: 1 - values for udim, values in found.items()})
+        image.name, kept = f"{obj.name} mask", ""
         settings.mask_source, settings.mask_image, settings.mask_channel = "IMAGE", image, "R"
-        keep.keep_image(before)
+        if not keep.replace_image(before, image) and before is not None:
+            kept = "; the one before is as it was"
         live.touch(obj, mesh=False)
-        return f"{obj.name}: {image.name!r} is the mask now; the one before is as it was"
+        return f"{obj.name}: {image.name!r} is the mask now{kept}"
 
 
 class VRTM_OT_new_rigidity(OnObject, bpy.types.Operator):
@@ -270,9 +372,7 @@ def new_image(obj: bpy.types.Object, size: int) -> bpy.types.Image:
     uvs = geometry.topology(obj).uvs
     tiles = np.unique(np.floor(np.clip(uvs, 1e-4, None) - 1e-4).astype(int), axis=0)
     udims = [1001 + int(u) + 10 * int(v) for u, v in tiles if u < 10] or [1001]
-    black = np.zeros((size, size, 4), np.float32)
-    black[..., 3] = 1
-    image = packed.image(f"{obj.name} rigidity", {udim: black for udim in udims} if udims != [1001] else {0: black})
+    image = made_of(obj, dict.fromkeys(udims if udims != [1001] else [None], np.zeros((size, size), np.float32)))
     show(obj, image)
     return image
 
