@@ -56,6 +56,9 @@ class Layout:
     def separator(self):
         pass
 
+    def template_icon(self, icon_value, scale):
+        self.shown.append(icon_value)
+
     def menu(self, name, icon="NONE"):
         self._icon(icon)
         self.shown.append(getattr(bpy.types, name).bl_label)

@@ -1,6 +1,7 @@
 """Painted features that are worse than without vrtm: counted, told, and framed in a view, worst first."""
 
 import dataclasses
+import types
 from unittest import mock
 
 import numpy as np
@@ -42,6 +43,10 @@ class Features(Case):
             self.assertIn(text, shown)
         # In Status, in the sidebar, and in the menu, which has it always.
         self.assertEqual(shown.count("Show Worst Feature"), 3)
+        number = len(state.features.squeezed)
+        self.assertTrue(number > 5 and min(abs(np.log(one.of.after)) for one in state.features.squeezed) > np.log(2))
+        self.assertIn(f"Skin is squeezed or stretched more than twice at {number} places", self.notes(arm.object))
+        self.assertEqual(shown.count("Show Squeezed Skin"), 2)
         # Many of them take the tick away, and a few do not.
         arm.add_material()
         bpy.ops.vrtm.set_up_material()
@@ -61,7 +66,8 @@ class Features(Case):
         self.assertEqual(dict(part("status").figures(obj)).get("Worse"), told)
         self.assertNotIn("than without vrtm", self.notes(obj))
         self.assertEqual(self.shown(obj).count("Show Worst Feature"), 1)
-        self.assertFalse(bpy.ops.vrtm.worst_feature.poll())
+        # The skin in such a crowd is another matter.
+        self.assertEqual(bpy.ops.vrtm.worst_feature.poll(), bool(rigid))
 
     def test_the_view_is_turned_to_one_after_another(self):
         from mathutils.interpolate import poly_3d_calc
@@ -94,11 +100,29 @@ class Features(Case):
             self.assertLess(abs(np.log2(view.view_distance / 8 / (1.7 * RADIUS * around**0.5))), 1)
             facing = (matrix.to_quaternion() @ normal).dot(view.view_rotation.to_matrix().col[2])
             self.assertGreater(facing, 0.95)
+        # So it is with skin that features squeeze or stretch, whose place is its own UV.
+        state = part("states").find_state(obj)
+        state.looked_at = 0
+        for one in state.features.squeezed[:5]:
+            self.assertEqual(bpy.ops.vrtm.worst_feature(skin=True), {"FINISHED"})
+            point = matrix.inverted() @ view.view_location
+            face = mesh.polygons[seen.closest_point_on_mesh(point)[3]]
+            weights = np.array(poly_3d_calc([mesh.vertices[vertex].co for vertex in face.vertices], point))
+            at = weights @ own[list(face.loop_indices)]
+            self.assertLess(np.abs(at - (one.of.u, one.of.v)).max(), 1e-3)
+            # Its length by differences of the image, which has half of the texels that were looked at.
+            tile, redirection = int(at[0]), delta(obj)
+            ends = at + np.array([[(-1, 0), (1, 0)], [(0, -1), (0, 1)]]) / 2 / arm.size
+            shown = ends + sampled(redirection[:, tile * arm.size : (tile + 1) * arm.size], ends - (tile, 0))
+            lengths = 1 / np.linalg.svd((shown[:, 1] - shown[:, 0]) * arm.size, compute_uv=False)
+            self.assertGreater((np.log(lengths) / np.log(one.of.after)).max(), 0.5)
+            self.assertLess(sampled(np.stack([arm.painted[1001]] * 2, -1), shown.mean((0, 1)) - (tile, 0))[0], 0.75)
+        state.looked_at = 1
         # Places by the mesh's own UVs would be others.
         self.assertGreater(max(moved), 0.2 * RADIUS)
         # Without a view it is told.
         area.type = "INFO"
-        told = part("operators.solve").VRTM_OT_worst_feature.work(None, bpy.context, obj)
+        told = part("operators.solve").VRTM_OT_worst_feature.work(types.SimpleNamespace(skin=False), bpy.context, obj)
         area.type = "VIEW_3D"
         self.assertIn(f"arm: number 2 of the {len(worst)} worst features, at UV {worst[1].of.u:.3f}", told)
         self.assertTrue(told.endswith("there is no 3D view to show it"))

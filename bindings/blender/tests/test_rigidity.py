@@ -4,7 +4,7 @@ import types
 
 import numpy as np
 
-from support import Arm, Case, add_texture, bpy, each, fill, node_of, part, picture, pixels, studs
+from support import Arm, Case, Layout, add_texture, bpy, each, fill, node_of, part, picture, pixels, studs
 
 
 def overlap(one, other):
@@ -114,15 +114,23 @@ class Rigidity(Case):
             self.assertEqual(asked in self.notes(arm.object), not asked.startswith("One"), self.notes(arm.object))
         self.assertEqual(other.users, 0)
 
-    def test_the_pictures_of_the_dialog(self):
+    def test_the_dialog_shows_the_result(self):
         self.arm()
-        of, shown = part("operators.rigidity"), {}
-        for name, tiles in (("texture", {None: self.colours}), ("rigidity", {1001: studs(128), 1002: studs(64)})):
-            icon = of.preview(name, tiles)
-            shown[name] = of.previews[name]
-            self.assertEqual(icon, shown[name].icon_id)
-        self.assertEqual([tuple(one.image_size) for one in shown.values()], [(256, 256), (512, 256)])
-        found = np.reshape(shown["texture"].image_pixels_float, (256, 256, 4))
+        of, shown = part("operators.rigidity"), []
+        cls = of.VRTM_OT_rigidity_from_texture
+        rna = bpy.ops.vrtm.rigidity_from_texture.get_rna_type()
+        names = ("made", "tiles", "own", "change", "_shown")
+        given = types.SimpleNamespace(**{name: getattr(cls, name) for name in names}, bl_rna=rna, layout=Layout(shown))
+        given.tiles, given.own = (lambda source: {None: self.colours}), lambda: ("by", "colour")
+        given.given = lambda obj: (None, lambda tiles: {1001: studs(128), 1002: studs(64)}, "")
+        given.made = lambda *tiles: cls.made(types.SimpleNamespace(invert=False, smallest=3, grow=0), *tiles)
+        cls.look(given, bpy.context)
+        cls.draw(given, bpy.context)
+        icons = [of.previews[name] for name in ("texture", "rigidity")]
+        expected = [icons[0].icon_id, "The texture", icons[1].icon_id, "White keeps its shape"]
+        self.assertEqual(shown[:5], [*expected, "48 features, 23 % of the texture"])
+        self.assertEqual([tuple(one.image_size) for one in icons], [(256, 256), (512, 256)])
+        found = np.reshape(icons[0].image_pixels_float, (256, 256, 4))
         self.assertLess(np.abs(found[::2, ::2] - self.colours).max(), 0.01)
 
     def test_repeated_tries_have_one_image(self):

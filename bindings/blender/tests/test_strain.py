@@ -82,7 +82,11 @@ class Strain(Case):
         prepared = part("states").find_state(obj).prepared
         elastic = prepared.rigidity_of_vertices(prepared.asset.corner_uvs()) == 0
         self.assertLess(amounts["AFTER"][elastic].max(), 1e-6)
-        settings.strain_rigid = False
+        settings.strain_of = "SKIN"
+        self.update()
+        rigid = prepared.rigidity_of_vertices(prepared.asset.corner_uvs())[:, None]
+        self.assertLess(np.ptp(read(attribute.data, "color", 4)[rigid[:, 0] == 1, :3], axis=1).max(), 1e-6)
+        settings.strain_of = "ALL"
         self.update()
         self.assertGreater(np.abs(np.diff(read(attribute.data, "color", 4)[elastic][:, ::2])).mean(), 0.2)
         settings.strain = "NONE"

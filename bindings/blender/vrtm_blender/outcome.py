@@ -35,7 +35,7 @@ class Request:
     write_uvs: bool
     write_strain: bool
     strain: str  # "NONE", "BEFORE" or "AFTER"
-    rigid_only: bool  # of that strain
+    strain_of: str  # "FEATURES", "SKIN" or "ALL"
     frame: int = 0
     # A material looks up the UV map.
     by_uv_map: bool = False
@@ -73,10 +73,10 @@ def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
     if request.write_strain:
         surface = strain.of_surface(prepared.mesh.topology, prepared.mesh.rest, request.positions)
     if request.strain != "NONE":
-        colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
+        colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.strain_of)
     carried = prepared.carriers.fetch()
     # A UV map's own are not known.
-    found = Features() if request.by_uv_map else features.fetch(prepared)
+    found = Features() if request.by_uv_map else features.fetch(prepared, skin=not request.is_draft)
     shown = figures(prepared, request, uvs, found)
     told = told + notes(prepared, request)
     asked = questions(prepared)

@@ -14,15 +14,16 @@ NAME = "vrtm strain"
 _shading: dict[int, str] = {}
 
 
-def colours(prepared: Prepared, pose: np.ndarray, after: bool, rigid_only: bool) -> np.ndarray:
-    """Colours of all vertices, (vertices, 4) float32, `after` the asset's last result or before it, of rigid parts only
-    or of all of the texture. On any thread."""
+def colours(prepared: Prepared, pose: np.ndarray, after: bool, of: str) -> np.ndarray:
+    """Colours of all vertices, (vertices, 4) float32, `after` the asset's last result or before it, of the "FEATURES",
+    of the "SKIN" between them, or of "ALL". On any thread."""
     mesh = prepared.mesh
     jacobians = (lambda uvs: _jacobians(prepared, uvs)) if after else None
     found = strain.of_vertices(mesh.topology, mesh.rest, pose, jacobians)
-    if rigid_only and prepared.has_rigidity:
-        found *= prepared.rigidity_of_vertices(prepared.asset.corner_uvs() if after else mesh.topology.uvs)
-    return strain.colours(found)
+    if of != "ALL" and prepared.has_rigidity:
+        rigid = prepared.rigidity_of_vertices(prepared.asset.corner_uvs() if after else mesh.topology.uvs)
+        found *= rigid if of == "FEATURES" else 1 - rigid
+    return strain.colours(found, strain.FULL_SKIN if of == "SKIN" else strain.FULL)
 
 
 def _jacobians(prepared: Prepared, uvs: np.ndarray) -> np.ndarray:

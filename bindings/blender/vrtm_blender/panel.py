@@ -125,7 +125,7 @@ class VRTM_PT_strain(_Part, bpy.types.Panel):
         layout = self.layout
         layout.enabled = not geometry.is_linked(context.object)
         layout.row().prop(context.object.vrtm, "strain", expand=True)
-        layout.prop(context.object.vrtm, "strain_rigid")
+        layout.row().prop(context.object.vrtm, "strain_of", expand=True)
         layout.label(text="Red: stretched. Blue: squeezed", icon="INFO")
 
 
@@ -283,8 +283,10 @@ def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_worst(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
-    if status.features(obj).worst:
-        layout.operator("vrtm.worst_feature", icon="ZOOM_SELECTED")
+    found = status.features(obj)
+    for skin, text in ((False, "Show Worst Feature"), (True, "Show Squeezed Skin")):
+        if found.places(skin):
+            layout.operator("vrtm.worst_feature", text=text, icon="ZOOM_SELECTED").skin = skin
 
 
 def object_menu(self, context: bpy.types.Context) -> None:

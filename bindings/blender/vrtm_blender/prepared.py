@@ -247,7 +247,7 @@ class Prepared:
         if not self.painted or self.asset.tiles[0].settings.seams == "continue":
             return 0
         if "on_seams" not in self.kept:
-            self.kept["on_seams"] = on_seams.features(self.mesh.topology, self.corner_vertices, self._painted)
+            self.kept["on_seams"] = on_seams.features(self.mesh.topology, self.corner_vertices, self.painted_at)
         return self.kept["on_seams"]
 
     def strain_of(self, pose: np.ndarray, uvs: np.ndarray) -> float:
@@ -257,9 +257,10 @@ class Prepared:
     def _rigidity(self, uvs: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
         if self.vertices is not None:
             return (self.vertices[self.mesh.topology.corner_vertices[corners]] * weights).sum(-1)
-        return self._painted(uvs)
+        return self.painted_at(uvs)
 
-    def _painted(self, uvs: np.ndarray) -> np.ndarray:
+    def painted_at(self, uvs: np.ndarray) -> np.ndarray:
+        """The rigidity that is painted at UVs, (n,)."""
         tiles, found = np.floor(uvs).astype(int), np.zeros(len(uvs), np.float32)
         for udim, image in self.painted.items():
             chosen = np.flatnonzero((tiles == ((udim - 1001) % 10, (udim - 1001) // 10)).all(-1))

@@ -218,7 +218,15 @@ class VrtmSettings(bpy.types.PropertyGroup):
         "wrinkles, redness or dirt in shaders: the UV map's name with _strain. X is 0.2 where it is a fifth longer "
         "than at rest, Y where it is a fifth shorter",
     )
-    strain_rigid: BoolProperty(name="Rigid Only", description="Show the strain of what is rigid alone", default=True)
+    strain_of: EnumProperty(
+        name="Strain of",
+        description="The part of the texture whose strain is shown",
+        items=[
+            ("FEATURES", "Features", "What is rigid"),
+            ("SKIN", "Skin", "What gives way between features. Full colours are twice or half as long as at rest"),
+            ("ALL", "All", "All of the texture"),
+        ],
+    )
     strain: EnumProperty(
         name="Show Strain",
         description="Show in Solid viewports how much what is painted is stretched (red) or squeezed (blue): full "

@@ -121,7 +121,7 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     # Without a rigidity there is strain to be shown, and nothing to be redirected.
     written = (obj.vrtm.is_set_up and results.is_written(obj, name) for name in results.OUTPUTS)
     strain = "NONE" if geometry.is_linked(obj) else settings.strain
-    outputs = (level_of(obj)[2], *written, strain, settings.strain_rigid)
+    outputs = (level_of(obj)[2], *written, strain, settings.strain_of)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
     frame, by_uv_map = depsgraph.scene.frame_current, nodes.shows_uv_map(obj)

@@ -142,6 +142,10 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     if (of := features(obj)).worse:
         told = f"{of.worse} of {of.painted} feature{'s' * (of.painted > 1)} {'is' if of.worse == 1 else 'are'} worse"
         found.append(Line(f"{told} than without vrtm: press Show Worst Feature", "INFO"))
+    if number := len(of.squeezed):
+        text = f"Skin is squeezed or stretched more than twice at {number} place{'s' * (number > 1)} beside features: "
+        text += "press Show Squeezed Skin. Keep Detail, in Rigidity Map, spares what is drawn there"
+        found.append(Line(text, "INFO"))
     if settings.seams in ("continue", borders.AUTO) and dilate.left_of(obj):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     if geometry.is_linked(obj):

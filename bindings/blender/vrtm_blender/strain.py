@@ -9,8 +9,9 @@ import numpy as np
 from . import session
 from .geometry import Topology
 
-# The logarithm of a length's ratio at which colours are full: a quarter longer, or a fifth shorter.
-FULL = np.log(1.25)
+# The logarithms of a length's ratio at which colours are full: a quarter longer, or a fifth shorter; of skin, twice as
+# long, or half as long.
+FULL, FULL_SKIN = np.log(1.25), np.log(2)
 
 _STRETCHED, _NOTHING, _SQUEEZED = np.array([[0.85, 0.10, 0.05], [0.80, 0.80, 0.80], [0.05, 0.25, 0.85]])
 
@@ -57,7 +58,7 @@ def of_vertices(topology: Topology, rest: np.ndarray, pose: np.ndarray, jacobian
         derivative[np.abs(_determinant(derivative)) < 1e-6] = np.eye(2)
         middle = _inverse(sides) @ _inverse(derivative) @ sides
     at_rest[~whole] = np.eye(2)
-    largest, smallest = _logarithms(posed @ middle @ _inverse(at_rest))
+    largest, smallest = logarithms(posed @ middle @ _inverse(at_rest))
     values = np.where(np.abs(largest) >= np.abs(smallest), largest, smallest)
     return _means(vertices, area * whole, values, len(rest))
 
@@ -67,7 +68,7 @@ def of_surface(topology: Topology, rest: np.ndarray, pose: np.ndarray) -> np.nda
     (vertices, 3) float32."""
     vertices, at_rest, posed, area, whole = _edges(topology.corner_vertices[topology.triangles], rest, pose)
     at_rest[~whole] = np.eye(2)
-    largest, smallest = _logarithms(posed @ _inverse(at_rest))
+    largest, smallest = logarithms(posed @ _inverse(at_rest))
     shares = (np.maximum(np.expm1(largest), 0), np.maximum(-np.expm1(smallest), 0))
     found = [_means(vertices, area * whole, share, len(rest)) for share in shares]
     return np.stack([*found, np.zeros(len(rest))], -1).astype(np.float32)
@@ -145,7 +146,7 @@ def _inverse(m: np.ndarray) -> np.ndarray:
     return swapped / _determinant(m)[..., None, None]
 
 
-def _logarithms(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def logarithms(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of the larger and the smaller singular value."""
     half = (m * m).sum((-2, -1)) / 2
     product = np.abs(_determinant(m))
@@ -154,9 +155,9 @@ def _logarithms(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return largest, np.log(np.maximum(product, 1e-12)) - largest
 
 
-def colours(values: np.ndarray) -> np.ndarray:
+def colours(values: np.ndarray, full: float = FULL) -> np.ndarray:
     """Red where stretched, blue where squeezed, grey where as at rest: (n, 4) float32."""
-    amount = np.clip(values / FULL, -1, 1)[:, None]
+    amount = np.clip(values / full, -1, 1)[:, None]
     ends = np.where(amount > 0, _STRETCHED, _SQUEEZED)
     mixed = _NOTHING + np.abs(amount) * (ends - _NOTHING)
     return np.concatenate([mixed, np.ones((len(values), 1))], -1).astype(np.float32)

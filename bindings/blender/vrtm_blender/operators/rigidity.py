@@ -98,7 +98,7 @@ class _FromImage(OnObject):
         row = layout.row()
         for name, icon in self._shown.items():
             column = row.column()
-            column.template_icon(icon, scale=8)
+            column.template_icon(icon_value=icon, scale=8)
             column.label(text={"texture": "The texture", "rigidity": "White keeps its shape"}[name])
         if self._told:
             status.draw(layout, context, status.Line(self._told, "QUESTION" if "?" in self._told else "INFO"))

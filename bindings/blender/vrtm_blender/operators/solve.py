@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.props import BoolProperty
 from mathutils import Vector
 
 from .. import features, geometry, live, messages, session, solve, states, status, tap
@@ -133,25 +134,33 @@ class VRTM_OT_insert_tap(OnObject, bpy.types.Operator):
 
 
 class VRTM_OT_worst_feature(OnObject, bpy.types.Operator):
-    """Turn a 3D view to the feature that is worst, compared with how it is without vrtm; again, to the next one"""
+    """Turn a 3D view to the feature that is worst, compared with how it is without vrtm, or to the skin that is most
+    squeezed or stretched; again, to the next one"""
 
     bl_idname = "vrtm.worst_feature"
     bl_label = "Show Worst Feature"
     bl_options = {"REGISTER"}
 
+    skin: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+
     @classmethod
     def why_not(cls, context: bpy.types.Context) -> str | None:
         text = "No feature is known to be worse: Measure Strain, and Update Now, find out"
-        return super().why_not(context) or (None if status.features(context.object).worst else text)
+        found = super().why_not(context) or status.features(context.object)
+        return found if isinstance(found, str) else None if found.worst or found.squeezed else text
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         state = states.state_of(obj)
-        worst = state.features.worst
+        skin = self.skin or not state.features.worst
+        if not (worst := state.features.places(skin)):
+            raise Problem(f"{obj.name}: no skin is squeezed or stretched to more than twice")
         number = state.looked_at % len(worst)
         state.looked_at += 1
         one = worst[number].of
-        text = f"{obj.name}: number {number + 1} of the {len(worst)} worst features, at UV {one.u:.3f}, {one.v:.3f}"
-        text += f", is strained by {one.before:.3f} before, {one.after:.3f} after"
+        what, told = "worst features", f"strained by {one.before:.3f} before, {one.after:.3f} after"
+        if skin:
+            what, told = "places of skin", f"{one.after:.2f} times as long as without vrtm"
+        text = f"{obj.name}: number {number + 1} of the {len(worst)} {what}, at UV {one.u:.3f}, {one.v:.3f}, is {told}"
         views = session.areas("VIEW_3D")
         if not views:
             return f"{text}; there is no 3D view to show it"
