@@ -81,16 +81,21 @@ class Features(Case):
         [area] = part("session").areas("VIEW_3D")
         view = area.spaces.active.region_3d
         view.view_perspective = "CAMERA"
+
+        def seen_at(point):
+            """The UV and the normal on the surface at a point, (3,), and its distance."""
+            _, on, normal, index = seen.closest_point_on_mesh(point)
+            face = mesh.polygons[index]
+            weights = np.array(poly_3d_calc([mesh.vertices[vertex].co for vertex in face.vertices], point))
+            return weights @ own[list(face.loop_indices)], normal, (on - point).length
+
         for one in (*worst, worst[0]):
             self.assertEqual(bpy.ops.vrtm.worst_feature(), {"FINISHED"})
             self.assertEqual(view.view_perspective, "PERSP")
             # The place is on the surface, and its texture is the centre of the feature.
-            point = matrix.inverted() @ view.view_location
-            _, on, normal, index = seen.closest_point_on_mesh(point)
-            self.assertLess((on - point).length, 1e-4)
-            face = mesh.polygons[index]
-            weights = np.array(poly_3d_calc([mesh.vertices[vertex].co for vertex in face.vertices], point))
-            at, centre = weights @ own[list(face.loop_indices)], np.array((one.of.u, one.of.v))
+            at, normal, off = seen_at(matrix.inverted() @ view.view_location)
+            self.assertLess(off, 1e-4)
+            centre = np.array((one.of.u, one.of.v))
             tile = int(at[0])
             redirection = delta(obj)[:, tile * arm.size : (tile + 1) * arm.size]
             self.assertLess(np.abs(at + sampled(redirection, at - (tile, 0)) - centre).max(), 0.1 * RADIUS)
@@ -105,10 +110,7 @@ class Features(Case):
         state.looked_at = 0
         for one in state.features.squeezed[:5]:
             self.assertEqual(bpy.ops.vrtm.worst_feature(skin=True), {"FINISHED"})
-            point = matrix.inverted() @ view.view_location
-            face = mesh.polygons[seen.closest_point_on_mesh(point)[3]]
-            weights = np.array(poly_3d_calc([mesh.vertices[vertex].co for vertex in face.vertices], point))
-            at = weights @ own[list(face.loop_indices)]
+            at = seen_at(matrix.inverted() @ view.view_location)[0]
             self.assertLess(np.abs(at - (one.of.u, one.of.v)).max(), 1e-3)
             # Its length by differences of the image, which has half of the texels that were looked at.
             tile, redirection = int(at[0]), delta(obj)

@@ -157,26 +157,19 @@ class _FromImage(OnObject):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        try:
-            self.look(context)
-        except Exception:
-            # Told as it is from scripts.
-            return self.execute(context)
+        self.check(context)
         return context.window_manager.invoke_props_dialog(self, width=420)
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Called by the dialog when a setting was changed."""
+        """Called by the dialog when a setting was changed, too."""
         try:
-            self.look(context)
-        except Exception as error:  # told below the pictures.
-            self._told = text_of(error)
+            source, change, _ = self.given(context.object)
+            tiles = self.tiles(source)
+            found, self._told = self.made(tiles, change)
+            self._shown = {"texture": preview("texture", tiles), "rigidity": preview("rigidity", found)}
+        except Exception as error:  # told in place of the pictures.
+            self._shown, self._told = {}, text_of(error)
         return True
-
-    def look(self, context: bpy.types.Context) -> None:
-        source, change, _ = self.given(context.object)
-        tiles = self.tiles(source)
-        found, self._told = self.made(tiles, change)
-        self._shown = {"texture": preview("texture", tiles), "rigidity": preview("rigidity", found)}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         # Adjust Last Operation has no pictures: the scene is there.
