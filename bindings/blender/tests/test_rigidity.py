@@ -1,6 +1,7 @@
 """Rigidity images that are made, changed, painted on and packed."""
 
 import types
+from unittest import mock
 
 import numpy as np
 
@@ -267,6 +268,15 @@ class Rigidity(Case):
         self.assertTrue(other.use_fake_user)
         mask = pixels(settings.mask_image)[..., 0]
         self.assertEqual((mask.min(), mask[before > 0].min(), mask[:50].min()), (0, 1, 1))
+        # Nearer to features on a finer grid.
+        of, tile = part("session").library().rigidity, types.SimpleNamespace(grid=(1024, 512))
+        asset = types.SimpleNamespace(tiles=[tile], close=lambda: None)
+        with (
+            mock.patch.object(part("states").state_of(arm.object).prepared, "asset", asset),
+            mock.patch.object(of, "of_detail", wraps=of.of_detail) as detail,
+        ):
+            keep()
+        self.assertEqual(detail.call_args.kwargs["cells"], 512)
         arm.object.active_material.node_tree.nodes.clear()
         self.refused("no Image Texture", keep)
 

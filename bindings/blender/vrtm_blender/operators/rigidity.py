@@ -9,7 +9,7 @@ import bpy.utils.previews
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, keep, live, maps, packed, status, textures, versions
+from .. import geometry, keep, live, maps, packed, states, status, textures, versions
 from ..messages import Problem, text_of
 from ..outcome import MUCH_RIGID, percent
 from ..session import library
@@ -337,7 +337,10 @@ class VRTM_OT_keep_detail(_OnImage, bpy.types.Operator):
         pictures = {udim: shown.get(udim, shown.get(None)) for udim in rigid}
         if missing := [udim for udim, pixels in pictures.items() if pixels is None]:
             raise Problem(f"image {texture.name!r} has no tile {missing[0] or 'that is not a UDIM tile'}")
-        found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=1.0)
+        # Detail is as fine as half of the grid: on a face that is small in the UV map, more is kept between features.
+        asset = states.state_of(obj).asset
+        cells = max([256, *(max(tile.grid) // 2 for tile in (asset.tiles if asset else ()))])
+        found = library().rigidity.of_detail(pictures, rigid, linear=texture.is_float, ceiling=1.0, cells=cells)
         image = made_of(obj, {udim: 1 - values for udim, values in found.items()})
         image.name, kept = f"{obj.name} mask", ""
         settings.mask_source, settings.mask_image, settings.mask_channel = "IMAGE", image, "R"
