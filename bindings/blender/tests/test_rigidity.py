@@ -125,8 +125,9 @@ class Rigidity(Case):
         given.made = lambda *tiles: cls.made(types.SimpleNamespace(invert=False, smallest=3, grow=0), *tiles)
         cls.check(given, bpy.context)
         cls.draw(given, bpy.context)
-        icons = [of.previews[name] for name in ("texture", "rigidity")]
-        expected = [icons[0].icon_id, "The texture", icons[1].icon_id, "White keeps its shape"]
+        names = ("The texture", "White keeps its shape")
+        icons = [of.previews[name] for name in names]
+        expected = [icons[0].icon_id, names[0], icons[1].icon_id, names[1]]
         self.assertEqual(shown[:5], [*expected, "48 features, 23 % of the texture"])
         self.assertEqual([tuple(one.image_size) for one in icons], [(256, 256), (512, 256)])
         found = np.reshape(icons[0].image_pixels_float, (256, 256, 4))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 
 import bpy
@@ -9,7 +10,7 @@ import bpy.utils.previews
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, keep, live, maps, packed, states, status, textures, versions
+from .. import geometry, keep, live, maps, packed, states, textures, versions
 from ..messages import Problem, text_of
 from ..outcome import MUCH_RIGID, percent
 from ..session import library
@@ -99,9 +100,10 @@ class _FromImage(OnObject):
         for name, icon in self._shown.items():
             column = row.column()
             column.template_icon(icon_value=icon, scale=8)
-            column.label(text={"texture": "The texture", "rigidity": "White keeps its shape"}[name])
-        if self._told:
-            status.draw(layout, context, status.Line(self._told, "QUESTION" if "?" in self._told else "INFO"))
+            column.label(text=name)
+        # As wide as the dialog is.
+        for line in textwrap.wrap(self._told, 60):
+            layout.label(text=line)
         layout.prop_search(self, "image", bpy.data, "images")
         for name in (*self.own(), "smallest", "invert", "grow", "size"):
             layout.prop(self, name)
@@ -166,7 +168,8 @@ class _FromImage(OnObject):
             source, change, _ = self.given(context.object)
             tiles = self.tiles(source)
             found, self._told = self.made(tiles, change)
-            self._shown = {"texture": preview("texture", tiles), "rigidity": preview("rigidity", found)}
+            pictures = {"The texture": tiles, "White keeps its shape": found}
+            self._shown = {name: preview(name, picture) for name, picture in pictures.items()}
         except Exception as error:  # told in place of the pictures.
             self._shown, self._told = {}, text_of(error)
         return True
