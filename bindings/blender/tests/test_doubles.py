@@ -125,8 +125,8 @@ class Doubles(Case):
         self.assertEqual(self.figures(obj)["Doubles"], f"{SIDE} edges, {'welded' if known else 'cut'}")
         told = f"Features end at {SIDE} edges where vertices are double"
         self.assertEqual([told in note for note in state.notes], [not known], state.notes)
-        # A field in Advanced, and one below the note.
-        self.assertEqual(self.shown(obj).count("Doubles"), 3)
+        # A figure, a field in Advanced, and one below the note in Status and in the sidebar.
+        self.assertEqual(self.shown(obj).count("Doubles"), 4)
         # Either choice brings the tick back; seams that go on and come apart take it from that pose.
         for choice, frame, apart in (("weld", 1, False), ("weld", 5, given != "cuts"), ("cut", 5, False)):
             settings.weld = choice

@@ -72,7 +72,7 @@ class VRTM_PT_view(bpy.types.Panel):
         layout.row().prop(settings, "strain", expand=True)
         for line in status.notes(context.object, context.scene):
             status.draw(layout, context, line)
-        draw_worst(layout, context.object)
+        draw_remedies(layout, context.object)
 
 
 class VRTM_PT_quality(_Part, bpy.types.Panel):
@@ -192,12 +192,7 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
             status.draw(layout, context, line)
         if obj.vrtm.is_set_up and keep.unsaved_maps(obj):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
-        told = dict(status.figures(obj))
-        if "On seams" in told:
-            layout.operator("vrtm.dilate")
-        if "Doubles" in told:
-            layout.row().prop(obj.vrtm, "weld", expand=True)
-        draw_worst(layout, obj)
+        draw_remedies(layout, obj)
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")
         for label, value in status.figures(obj):
@@ -282,8 +277,13 @@ def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         status.draw(layout, context, status.Line(text, "INFO"))
 
 
-def draw_worst(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
-    found = status.features(obj)
+def draw_remedies(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
+    """Draws the buttons that notes name, below them."""
+    found, told = status.features(obj), dict(status.figures(obj))
+    if "On seams" in told:
+        layout.operator("vrtm.dilate")
+    if "Doubles" in told:
+        layout.row().prop(obj.vrtm, "weld", expand=True)
     for skin, text in ((False, "Show Worst Feature"), (True, "Show Squeezed Skin")):
         if found.places(skin):
             layout.operator("vrtm.worst_feature", text=text, icon="ZOOM_SELECTED").skin = skin
