@@ -10,7 +10,7 @@ import bpy.utils.previews
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, keep, live, maps, packed, states, textures, versions
+from .. import geometry, keep, live, maps, packed, states, status, textures, versions
 from ..messages import Problem, text_of
 from ..outcome import MUCH_RIGID, percent
 from ..session import library
