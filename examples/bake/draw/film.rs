@@ -4,6 +4,7 @@
 use image::RgbImage;
 use vrtm_examples::failure::{Failure, Result};
 use vrtm_examples::source::Frame;
+use vrtm_testkit::on_all_cores;
 
 use super::camera::Camera;
 use super::canvas::{Canvas, HEADING};
@@ -34,7 +35,8 @@ pub fn draw(stage: &Stage, bake: &mut Bake, view: Option<[f64; 2]>, frame: &Fram
         bake.solve(&frame)?;
         let maps = bake.redirections().map_err(|e| Failure::named(&frame.origin, e))?;
         let pose = stage.near(&frame.positions);
-        for number in (0..COUNT).filter(|&number| step_of(number) == step) {
+        let numbers: Vec<usize> = (0..COUNT).filter(|&number| step_of(number) == step).collect();
+        let drawn = on_all_cores(&numbers, |&number| {
             let size = [SIDE, SIDE - LABEL];
             let view = stage.view(&cameras[number], &pose, size);
             let mut canvas = Canvas::new([2 * SIDE, SIDE], PAPER);
@@ -48,8 +50,9 @@ pub fn draw(stage: &Stage, bake: &mut Bake, view: Option<[f64; 2]>, frame: &Fram
                     })
                 });
             }
-            pictures[number] = canvas.finish();
-        }
+            canvas.finish()
+        });
+        numbers.into_iter().zip(drawn).for_each(|(number, picture)| pictures[number] = picture);
     }
     Ok(pictures)
 }
