@@ -108,4 +108,4 @@ class Borders(Case):
             bpy.ops.vrtm.dilate()
             found = part("borders").chosen(arm.object)
             self.assertEqual((found.seams, found.open_borders), ("continue", "slide" if apart else "fixed"))
-        self.assertIn("other vertices are where the mesh ends", found.why)
+        self.assertIn("but open borders lie at vertices of another mesh", found.why)

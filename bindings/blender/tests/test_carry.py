@@ -182,6 +182,7 @@ class Carry(Case):
         self.assertEqual(self.carry(scatter, hair), {"FINISHED"})
         for frame in (1, 5):
             self.update(frame)
+            self.assertEqual(self.figures(self.skin)["Rims lift off"] == "0", frame == 1)
             where, turns = self.expected(places)
             found = self.instances()
             np.testing.assert_allclose(found[:, :3, 3], where, atol=4e-6)

@@ -194,8 +194,9 @@ class Objects(Case):
         self.assertNotIn("No brush", self.notes(other.object))
         bpy.ops.object.mode_set(mode="OBJECT")
         self.assertEqual(bpy.context.scene.tool_settings.image_paint.canvas, other.object.vrtm.rigidity_image)
-        # Blender keeps other properties for the next press, as if the menu's answer were one for good.
-        self.assertTrue(bpy.ops.vrtm.set_up.get_rna_type().properties["paint"].is_skip_save)
+        # Blender keeps other properties for the next press, as if the answer were one for good, and for all objects.
+        for operator, name in ((bpy.ops.vrtm.set_up, "paint"), (bpy.ops.vrtm.rigidity_from_texture, "image")):
+            self.assertTrue(operator.get_rna_type().properties[name].is_skip_save)
         # No tick while nothing is rigid.
         self.assertEqual(self.line(other.object), ("Nothing is rigid yet: see Status", "INFO"))
 

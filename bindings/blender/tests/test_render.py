@@ -3,6 +3,7 @@ are set up without breaking what is there."""
 
 import os
 import tempfile
+from unittest import mock
 
 import numpy as np
 
@@ -155,6 +156,16 @@ class Render(Scene):
         with self.assertLogs("vrtm.blender", "ERROR") as logged:
             render()
         self.assertIn("keeps its last redirection: arm has no vertex group ''", logged.output[0])
+        # Also of what is done before the first frame.
+        arm.object.vrtm.mask_source, results, session = "NONE", part("results"), part("session")
+        with (
+            mock.patch.object(results, "separate", side_effect=[RuntimeError("a defect"), None]),
+            mock.patch.object(results, "publish", side_effect=lambda *_: self.assertTrue(session.rendering)) as written,
+            self.assertLogs("vrtm.blender", "ERROR") as logged,
+        ):
+            render()
+        self.assertEqual((written.call_count, session.rendering, len(logged.output)), (1, False, 1))
+        self.assertIn("keeps its last redirection: RuntimeError: a defect", logged.output[0])
 
     def test_the_group_looks_tiles_up_with_linear_and_extend(self):
         """The redirected UV as a colour, on a plane over UDIM tiles, against the same interpolation in numpy."""

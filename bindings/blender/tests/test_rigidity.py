@@ -81,7 +81,7 @@ class Rigidity(Case):
     def test_the_skin_is_not_taken_for_the_feature(self):
         """Neither by default, on a skin that is bright, nor without a question."""
         arm = self.arm()
-        settings, of = arm.object.vrtm, part("operators.rigidity").VRTM_OT_rigidity_from_texture
+        settings, of = arm.object.vrtm, part("operators.from_picture").VRTM_OT_rigidity_from_texture
         self.colours[..., :3] = 0.9 - self.colours[..., :3]
         fill(bpy.data.images["colour"], self.colours)
         bpy.ops.vrtm.rigidity_from_texture()
@@ -90,6 +90,7 @@ class Rigidity(Case):
         other = picture("other", np.roll(self.colours, 40, 1)[..., [1, 2, 0, 3]])
         bpy.ops.vrtm.rigidity_from_texture("EXEC_DEFAULT", image="other", proposed_for="colour", colour=(1, 0, 0))
         self.assertGreater(overlap(self.painted(arm), np.roll(studs(128), 40, 1)), 0.95)
+        bpy.ops.vrtm.set_up_material()
         self.update(5)
         self.assertEqual(self.line(arm.object), ("Up to date", "CHECKMARK"))
         grown, much, most = (np.zeros((128, 128), np.float32) for _ in range(3))
@@ -115,7 +116,7 @@ class Rigidity(Case):
 
     def test_the_dialog_shows_the_result(self):
         self.arm()
-        of, shown = part("operators.rigidity"), []
+        of, shown = part("operators.from_picture"), []
         cls = of.VRTM_OT_rigidity_from_texture
         rna = bpy.ops.vrtm.rigidity_from_texture.get_rna_type()
         names = ("made", "tiles", "own", "change", "_shown")

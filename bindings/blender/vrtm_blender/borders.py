@@ -38,7 +38,7 @@ def chosen(obj: bpy.types.Object) -> Borders:
     if looked_up and not ends and not settings.keep_direction:
         found, why = ("continue", "fixed" if settings.goes_on else "slide"), "all textures are dilated"
         if settings.goes_on and settings.open_borders == AUTO:
-            why += ", and other vertices are where the mesh ends"
+            why += ", but open borders lie at vertices of another mesh, or at doubled ones"
     else:
         why = "Keep Direction is on" if looked_up else "no texture is redirected"
         found, why = (settings.seams_found, "fixed"), f"{ends[0]} is not dilated" if ends else why

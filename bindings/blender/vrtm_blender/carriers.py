@@ -104,6 +104,8 @@ class Carriers:
     def __init__(self, asset: vrtm.Asset, given: CarriedInput, topology: Topology, rest: np.ndarray) -> None:
         self._asset, self._topology, self._rest = asset, topology, rest
         self.things, self.scale = given.things, given.scale
+        # Lengths that are none.
+        self._enough = 1e-5 * np.linalg.norm(np.ptp(rest, axis=0))
         self._groups: list[tuple[vrtm.Carrier, list[Thing]]] = []
         self._bind()
 
@@ -135,13 +137,12 @@ class Carriers:
         seen = [thing for thing in self.things if thing.seen is not None]
         if not seen:
             return
-        enough = 1e-5 * np.linalg.norm(np.ptp(self._rest, axis=0))
         for attempt in range(4):
             carried = self._carried()
             off = [thing.seen - carried[thing.uid][0] for thing in seen]
             # What is far from the skin at rest may lie on it as it is seen.
             far = attempt == 0 and any(TOO_FAR in self.states[thing.uid] for thing in seen)
-            if attempt == 3 or (not far and all(np.abs(way).max() < enough for way in off)):
+            if attempt == 3 or (not far and all(np.abs(way).max() < self._enough for way in off)):
                 break
             if attempt == 0:
                 self._guess(seen, pose)
@@ -205,9 +206,9 @@ class Carriers:
         """Labels and values of the last fetch, for the panel."""
         if not self._groups:
             return []
-        info = [carrier.info for carrier, _ in self._groups]
+        rim = max(carrier.info.rim for carrier, _ in self._groups)
         number = sum(int((states != TOO_FAR).sum()) for states in self.states.values())
-        return [("Carried", str(number)), ("Rims lift off", f"{self.scale * max(one.rim for one in info):.3g}")]
+        return [("Carried", str(number)), ("Rims lift off", f"{self.scale * rim if rim > self._enough else 0:.3g}")]
 
     def notes(self) -> list[str]:
         found = {thing.name: told(self.states[thing.uid], self.scale * thing.farthest) for thing in self.things}

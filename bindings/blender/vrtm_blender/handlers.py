@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import bpy
 from bpy.app.handlers import persistent
 
@@ -44,15 +47,21 @@ def in_renders(obj: bpy.types.Object) -> bool:
 
 
 def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
-    """Solves within a handler. A failure is told, and the frame goes on with the last redirection."""
+    """Solves within a handler."""
+    with told(obj, depsgraph.scene), session.during("handling"):
+        solve.run(obj, depsgraph)
+
+
+@contextlib.contextmanager
+def told(obj: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[None]:
+    """Tells a failure of the block, within a handler: the frame goes on with the last redirection."""
     try:
-        with session.during("handling"):
-            solve.run(obj, depsgraph)
+        yield
     except Exception as error:  # a render must not end here.
         states.state_of(obj).say(text_of(error), error=True)
         # Blender shows neither panel nor status bar while it renders on a farm: its log does.
-        frame = depsgraph.scene.frame_current
-        session.log.error("frame %d of %s keeps its last redirection: %s", frame, obj.name, text_of(error))
+        told = scene.frame_current, obj.name, text_of(error)
+        session.log.error("frame %d of %s keeps its last redirection: %s", *told)
 
 
 @persistent
@@ -96,14 +105,15 @@ _shown: set[int] = set()
 @persistent
 def render_begins(scene: bpy.types.Scene, *_) -> None:
     _shown.clear()
+    session.rendering = True
     for obj in filter(in_renders, scene.objects):
         # While nothing is drawn yet: materials must not change between the frame's evaluation and its drawing.
-        results.separate(obj)
+        with told(obj, scene):
+            results.separate(obj)
         look_again(obj)
         state = states.find_state(obj)
         if state is not None and state.shown:
             _shown.add(state.uid)
-    session.rendering = True
 
 
 @persistent

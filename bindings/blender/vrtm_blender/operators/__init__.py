@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import bpy
 
-from . import bake, carry, material, objects, rigidity, solve
+from . import bake, carry, from_picture, material, objects, rigidity, solve
 
 register, unregister_classes = bpy.utils.register_classes_factory(
-    [cls for part in (solve, objects, rigidity, material, bake, carry) for cls in part.CLASSES]
+    [cls for part in (solve, objects, rigidity, from_picture, material, bake, carry) for cls in part.CLASSES]
 )
 
 
 def unregister() -> None:
     unregister_classes()
-    rigidity.previews.close()
+    from_picture.previews.close()
