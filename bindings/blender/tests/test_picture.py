@@ -316,7 +316,7 @@ class Picture(Case):
 
         of = [("grid_too_coarse", 0), ("grid_too_coarse", 1), ("nothing_moves", 1)]
         entries = [vrtm.LogEntry("warning", code, 1001, 0, layer, (16.0, 16.0, 64.0), "") for code, layer in of]
-        found = part("prepared").Prepared().notes(entries)
+        found = part("prepared").Prepared(welded=True).notes(entries)
         self.assertEqual([text[:23] for text in found], ["Features are too small ", "Tile 1001, layer 1: wha"])
 
     def test_nothing_is_said_of_overlaps_that_hold_nothing(self):
