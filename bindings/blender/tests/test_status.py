@@ -170,11 +170,3 @@ class Status(Case):
         self.assertGreater(*longest)
         context.region.width = 3000
         self.assertEqual(part("status")._wrapped(text, context), [text])
-
-    def test_gaps_are_told_in_an_artists_words(self):
-        prepared = part("prepared").Prepared(welded=True)
-        entry = part("session").library().LogEntry
-        said = entry("warning", "nodes_at_gaps", 1001, 0, 0, (318.0,), "in other words")
-        for _ in range(2):
-            [told] = prepared.notes([said])
-            self.assertTrue(told.startswith("Tile 1001: 318 points do not move, where UV edges nearly touch"), told)

@@ -34,14 +34,13 @@ class Strain(Case):
             found = part("strain").of_vertices(topology, rest, (rest * [along, across, 1]) @ turn, jacobians)
             self.assertLess(np.abs(found - expected).max(), 1e-5)
 
-    def test_what_has_no_area_is_left_out(self):
+    def test_what_has_no_area_is_left_out_and_colours(self):
         topology, rest = sheet()
         flat = rest.copy()
         flat[:9] = flat[0]
         found = part("strain").of_vertices(topology, flat, flat, lambda at: np.zeros((len(at), 2, 2)))
         self.assertTrue(np.isfinite(found).all())
-
-    def test_colours(self):
+        # The colours of strains.
         found = part("strain").colours(np.array([0, 5, -5, 0.1]))
         self.assertEqual(found.shape, (4, 4))
         self.assertTrue((found[0, :3] == found[0, 0]).all())

@@ -39,13 +39,6 @@ def is_dilated(image: bpy.types.Image, reach: float) -> bool:
     return is_copy(image) and abs(image[REACH] - reach) <= 1e-6
 
 
-def left_of(obj: bpy.types.Object) -> list[bpy.types.Image]:
-    """The images that the object's materials look up at redirected UVs, and that are no copies of the present reach."""
-    reach = obj.vrtm.seam_reach
-    images = dict.fromkeys(node.image for node in textures_of(obj))
-    return [image for image in images if not is_dilated(image, reach)]
-
-
 def dilate(obj: bpy.types.Object, asset: vrtm.Asset, reach: float) -> tuple[int, list[str]]:
     """Makes the copies of all textures that are looked up at redirected UVs, anew where there are some. Returns their
     number, and the names of old copies that were painted on: they are kept."""

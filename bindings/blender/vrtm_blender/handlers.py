@@ -88,14 +88,11 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
                     live.want(skin)
     if images or bpy.context.mode == "PAINT_TEXTURE":
         for obj in (obj for obj in scene.objects if obj.vrtm.is_set_up):
-            if painted(obj) or {obj.vrtm.rigidity_image, obj.vrtm.mask_image} & images:
+            settings = obj.vrtm
+            # Strokes change images without an update of the image.
+            painted = obj.mode == "TEXTURE_PAINT" and "IMAGE" in (settings.rigidity_source, settings.mask_source)
+            if painted or {settings.rigidity_image, settings.mask_image} & images:
                 live.touch(obj, mesh=False, maps=True)
-
-
-def painted(obj: bpy.types.Object) -> bool:
-    """True if an image may be painted on the object at present. Strokes change images without an
-    update of the image."""
-    return obj.mode == "TEXTURE_PAINT" and "IMAGE" in (obj.vrtm.rigidity_source, obj.vrtm.mask_source)
 
 
 # Of the render that is under way: the objects whose result was shown before it.

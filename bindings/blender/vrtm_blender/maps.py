@@ -176,6 +176,12 @@ def of_file(path: str, space: str = "Non-Color", alpha: str = "CHANNEL_PACKED") 
         bpy.data.images.remove(loaded)
 
 
+def nearest(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """A picture in another size, by its nearest texels."""
+    rows, columns = (((np.arange(n) + 0.5) * (m / n)).astype(int) for n, m in zip(size, values.shape))
+    return values[rows][:, columns]
+
+
 def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:
     """The weights of a vertex group, (vertices,) float32; 0 where a vertex is not in the group."""
     group = obj.vertex_groups.get(name)

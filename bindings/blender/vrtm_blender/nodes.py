@@ -45,7 +45,11 @@ def stale_groups(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
         return []
     images = layers.images_of(obj.vrtm.image)
     names = {layers.attribute_name(obj.vrtm)} if len(images) > 1 else set()
-    return [tree for tree in groups_of(obj) if not (_results_in(tree) == set(images) and names <= _attributes_in(tree))]
+
+    def is_whole(tree: bpy.types.NodeTree) -> bool:
+        return _results_in(tree) == set(images) and names <= {getattr(of, "attribute_name", "") for of in tree.nodes}
+
+    return [tree for tree in groups_of(obj) if not is_whole(tree)]
 
 
 def update_groups(obj: bpy.types.Object, rebuild: bool) -> None:
@@ -96,10 +100,6 @@ def _baked_of(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
 
 def _results_in(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
     return {node.image for node in _textures(tree) if result_image.is_result(node.image)}
-
-
-def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
-    return {node.attribute_name for node in tree.nodes if node.bl_idname == "ShaderNodeAttribute"}
 
 
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
@@ -187,10 +187,6 @@ def _sequences(obj: bpy.types.Object) -> list[bpy.types.Node]:
     """The nodes of baked files in the object's groups, if it shows them."""
     nodes = [node for tree in groups_of(obj) if obj.vrtm.shows_baked for node in _textures(tree)]
     return [node for node in nodes if node.image is not None and node.image.source == "SEQUENCE"]
-
-
-def is_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bool:
-    return tree[KIND] == BY_IMAGE and image_of(tree) == image
 
 
 def is_by_uv_map(tree: bpy.types.NodeTree, name: str) -> bool:

@@ -20,7 +20,7 @@ def colours(prepared: Prepared, pose: np.ndarray, after: bool, of: str) -> np.nd
     mesh = prepared.mesh
     jacobians = (lambda uvs: _jacobians(prepared, uvs)) if after else None
     found = strain.of_vertices(mesh.topology, mesh.rest, pose, jacobians)
-    if of != "ALL" and prepared.has_rigidity:
+    if of != "ALL" and (prepared.vertices is not None or prepared.painted):
         rigid = prepared.rigidity_of_vertices(prepared.asset.corner_uvs() if after else mesh.topology.uvs)
         found *= rigid if of == "FEATURES" else 1 - rigid
     return strain.colours(found, strain.FULL_SKIN if of == "SKIN" else strain.FULL)

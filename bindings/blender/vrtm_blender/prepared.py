@@ -11,7 +11,7 @@ from . import on_seams, session, strain
 from .carriers import CarriedInput, Carriers
 from .geometry import Topology
 from .layers import number_of
-from .maps import ORIGIN, Map
+from .maps import ORIGIN, Map, nearest
 from .on_seams import Doubles
 
 if TYPE_CHECKING:
@@ -211,10 +211,6 @@ class Prepared:
         vertices are welded."""
         return self.doubles.corner_vertices if self.welded else self.mesh.topology.corner_vertices
 
-    @property
-    def has_rigidity(self) -> bool:
-        return self.vertices is not None or bool(self.painted)
-
     def rigidity_of_vertices(self, uvs: np.ndarray) -> np.ndarray:
         """The rigidity at each vertex with UVs of the face corners, (vertices,): a mean over its corners."""
         of = self.mesh.topology
@@ -272,11 +268,6 @@ class Prepared:
         """The rigidity of about a million points at most, on a lattice, that lie in charts of a tile."""
         image = self.painted.get(tile.udim, np.zeros((1, 1), np.float32))
         charts = tile.fetch("redirection_delta", 512, channels=4, origin=ORIGIN)[..., 3] > 0.5
-
-        def nearest(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-            rows, columns = (((np.arange(n) + 0.5) * (m / n)).astype(int) for n, m in zip(size, values.shape))
-            return values[rows][:, columns]
-
         size = tuple(min(max(n, 512), 1024) for n in image.shape)
         found = nearest(image, size)[nearest(charts, size)]
         return found if len(found) else np.zeros(1, np.float32)

@@ -54,17 +54,17 @@ def evaluation(scene: bpy.types.Scene) -> Iterator[Callable[[list[bpy.types.Obje
             except Exception as error:  # Blender would only print it.
                 failed.append(error)
 
-        VRTM_RE_evaluation.work, before, writing = work, scene.render.engine, session.writing
-        session.writing = True
-        try:
-            scene.render.engine = VRTM_RE_evaluation.bl_idname
-            for obj in hidden:
-                obj.hide_render = False
-            bake(scene, bpy.context.view_layer, triangle)
-        finally:
-            scene.render.engine, session.writing = before, writing
-            for obj in hidden:
-                obj.hide_render = True
+        VRTM_RE_evaluation.work, before = work, scene.render.engine
+        with session.during("writing"):
+            try:
+                scene.render.engine = VRTM_RE_evaluation.bl_idname
+                for obj in hidden:
+                    obj.hide_render = False
+                bake(scene, bpy.context.view_layer, triangle)
+            finally:
+                scene.render.engine = before
+                for obj in hidden:
+                    obj.hide_render = True
         for error in failed:
             raise error
         return found

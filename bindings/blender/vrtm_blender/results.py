@@ -142,7 +142,7 @@ def separate(obj: bpy.types.Object) -> None:
         obj.vrtm.image = _new_image(obj, *size)
         for image in layers.own_images(obj.vrtm.image, number, lambda layer: _new_image(obj, *size, layer)):
             image[LAYOUT] = layout
-        materials.separate(obj, lambda tree: nodes.is_by_image(tree, before), nodes.group_by_image)
+        materials.separate(obj, lambda tree: nodes.image_of(tree) == before, nodes.group_by_image)
 
 
 def own_materials(obj: bpy.types.Object) -> None:

@@ -146,7 +146,9 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
         text = f"Skin is squeezed or stretched more than twice at {number} place{'s' * (number > 1)} beside features: "
         text += "press Show Squeezed Skin. Keep Detail, in Rigidity Map, spares what is drawn there"
         found.append(Line(text, "INFO"))
-    if settings.seams in ("continue", borders.AUTO) and dilate.left_of(obj):
+    if settings.seams in ("continue", borders.AUTO) and not all(
+        dilate.is_dilated(node.image, settings.seam_reach) for node in dilate.textures_of(obj)
+    ):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     if geometry.is_linked(obj):
         found.append(Line("The mesh is linked from another file: the result is an image alone", "INFO"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import materials, picture, result_image, session
+from . import materials, nodes, picture, session
 
 HEIGHTS = ("ShaderNodeBump", "ShaderNodeDisplacement")
 
@@ -43,10 +43,9 @@ def _behind(socket: bpy.types.NodeSocket, down: bool, seen: set) -> tuple[bpy.ty
     """The first texture upstream of a socket, and True if heights are upside down there."""
     for link in socket.links:
         node = link.from_node
-        if node.bl_idname == "ShaderNodeTexImage":
-            if node.image is not None and not result_image.is_result(node.image):
-                return node.image, down
-        elif node not in seen:
+        if nodes.is_own_texture(node) and node.image is not None:
+            return node.image, down
+        if node not in seen and node.bl_idname != "ShaderNodeTexImage":
             seen.add(node)
             for upstream in node.inputs:
                 if found := _behind(upstream, down != _turns(node, upstream), seen):

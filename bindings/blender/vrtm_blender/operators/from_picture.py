@@ -26,12 +26,7 @@ previews = bpy.utils.previews.new()
 def preview(name: str, tiles: Tiles) -> int:
     """An icon that shows tiles side by side, as the dialog's pictures are."""
     icon = previews.get(name) or previews.new(name)
-
-    def square(values: np.ndarray) -> np.ndarray:
-        rows, columns = (((np.arange(256) + 0.5) * size / 256).astype(int) for size in values.shape[:2])
-        return rgba(values)[rows][:, columns]
-
-    picture = np.concatenate([square(values) for values in tiles.values()], 1)
+    picture = np.concatenate([rgba(maps.nearest(values, (256, 256))) for values in tiles.values()], 1)
     icon.image_size = picture.shape[1::-1]
     icon.image_pixels_float = picture.ravel()
     return icon.icon_id
