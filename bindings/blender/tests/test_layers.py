@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 
-from support import Case, bending, bpy, delta, each, evaluated, in_file, part, pixels, quads, read, studs, uv_layer
+from support import Case, bending, bpy, delta, each, in_file, part, pixels, quads, read, studs, uv_layer
 from test_render import Scene, animation, render
 
 SIDE, SIZE = 24, 96
@@ -156,15 +156,6 @@ class Layers(Case):
             for image, expected in zip(images_of(obj), kept, strict=True):
                 self.assertSame(pixels(image), expected)
             self.assertEqual(len([i for i in bpy.data.images if i.name.startswith("vrtm")]), 3)
-
-    def test_the_attribute_comes_through_modifiers(self):
-        obj = Sheets().object
-        obj.modifiers.new("it", "SUBSURF").levels = 1
-        bpy.ops.vrtm.insert_tap()
-        self.update()
-        found = evaluated(obj).data.attributes["vrtm_layer"]
-        self.assertEqual((found.domain, found.data_type), ("FACE", "INT"))
-        self.assertSame(attribute(evaluated(obj)), np.repeat(halves(0, 1), 4))
 
 
 class SheetsScene(Scene):

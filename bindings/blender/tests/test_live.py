@@ -207,22 +207,6 @@ class Live(Case):
         self.check(arm, asset)
         bpy.ops.object.mode_set(mode="OBJECT")
 
-    def test_settings_are_followed_and_live_can_be_switched_off(self):
-        arm = Arm.with_studs()
-        settings = arm.object.vrtm
-        settings.live = True
-        self.idle(5)
-        settings.grid = 64
-        self.idle()
-        asset = arm.asset()
-        asset.tiles[0].set_settings(grid_width=64, grid_height=64)
-        asset.solve(arm.pose())
-        self.assertSame(delta(arm.object), asset.tiles[0].fetch("redirection_delta", channels=2, origin="bottom"))
-        settings.live = False
-        bpy.context.scene.frame_set(2)
-        self.assertFalse(any(state.wanted for state in self.states.known.values()))
-        self.assertIsNone(self.live.poll())
-
     def test_problems_are_told_and_do_not_end_the_timer(self):
         arm, shown = Arm.with_studs(), []
         self.patch(part("messages"), "status", shown.append)

@@ -92,11 +92,6 @@ def scale_of(skin: bpy.types.Object) -> float:
     return abs(skin.matrix_world.determinant()) ** (1 / 3) or 1.0
 
 
-def default_distance(skin: bpy.types.Object) -> float:
-    """In the world."""
-    return scale_of(skin) * FAR * float(np.linalg.norm(np.ptp(geometry.rest_positions(skin), axis=0)))
-
-
 def reason(obj: bpy.types.Object, skin: bpy.types.Object, kind: str) -> str | None:
     """The reason why an object cannot be carried, and the remedy, as the end of a sentence."""
     if obj.library is not None or obj.override_library is not None:

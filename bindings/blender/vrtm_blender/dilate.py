@@ -30,13 +30,9 @@ def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
     return [node for node in found if node.image.source not in ("SEQUENCE", "MOVIE", "VIEWER")]
 
 
-def is_copy(image: bpy.types.Image) -> bool:
-    return REACH in image
-
-
 def is_dilated(image: bpy.types.Image, reach: float) -> bool:
     """True if an image is a copy that was made with a reach."""
-    return is_copy(image) and abs(image[REACH] - reach) <= 1e-6
+    return REACH in image and abs(image[REACH] - reach) <= 1e-6
 
 
 def dilate(obj: bpy.types.Object, asset: vrtm.Asset, reach: float) -> tuple[int, list[str]]:
@@ -73,7 +69,7 @@ def restore(obj: bpy.types.Object) -> list[str]:
     before = {}
     for material in materials.materials_of(obj):
         for node, _ in picture.textures(material, drawn=False):
-            if node.id_data.library is None and (image := node.image).vrtm_original is not None and is_copy(image):
+            if node.id_data.library is None and (image := node.image).vrtm_original is not None and REACH in image:
                 before[image] = None
                 node.image = image.vrtm_original
     return _let_go(before)
@@ -83,7 +79,7 @@ def _let_go(images: Iterable[bpy.types.Image]) -> list[str]:
     """Removes unused copies. One that was painted on stays, and is saved with the file."""
     kept = []
     for image in images:
-        if not is_copy(image) or image.users:
+        if REACH not in image or image.users:
             continue
         if maps.is_as_made(image):
             bpy.data.images.remove(image)

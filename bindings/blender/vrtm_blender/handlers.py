@@ -60,8 +60,8 @@ def told(obj: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[None]:
     except Exception as error:  # a render must not end here.
         states.state_of(obj).say(text_of(error), error=True)
         # Blender shows neither panel nor status bar while it renders on a farm: its log does.
-        told = scene.frame_current, obj.name, text_of(error)
-        session.log.error("frame %d of %s keeps its last redirection: %s", *told)
+        number, text = scene.frame_current, text_of(error)
+        session.log.error("frame %d of %s keeps its last redirection: %s", number, obj.name, text)
 
 
 @persistent

@@ -29,10 +29,6 @@ def number_of(asset: vrtm.Asset) -> int:
     return max((tile.layers for tile in asset.tiles), default=1)
 
 
-def is_first(image: bpy.types.Image) -> bool:
-    return LAYER not in image
-
-
 def images_of(first: bpy.types.Image | None) -> list[bpy.types.Image]:
     """The images of all layers, by the first one."""
     found: list[bpy.types.Image] = []
@@ -63,7 +59,7 @@ def remove_unused() -> None:
     """Removes the images of layers that are gone. In a render they may still be looked up."""
     while not session.rendering:
         following = {image.vrtm_next for image in bpy.data.images}
-        unused = [i for i in bpy.data.images if not is_first(i) and i.library is None and i not in following]
+        unused = [i for i in bpy.data.images if LAYER in i and i.library is None and i not in following]
         if not unused:
             return
         for image in unused:

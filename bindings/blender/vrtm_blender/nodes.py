@@ -19,7 +19,7 @@ BY_IMAGE, BY_UV_MAP = "image", "uv_map"
 
 def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
     """The result image of a group, also while it shows baked files: that of one of its nodes, whatever it is called."""
-    return next((image for image in _results_in(tree) if layers.is_first(image)), None)
+    return next((image for image in _results_in(tree) if layers.LAYER not in image), None)
 
 
 def baked_images() -> set[bpy.types.Image]:

@@ -57,7 +57,7 @@ class Outcome:
     figures: list[tuple[str, str]]
     features: Features  # of the image
     notes: list[str]  # of what is likely a mistake
-    questions: list[str]  # of what may be one
+    questions: list[str]  # of what may be one, which does not take the tick away
 
 
 def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
@@ -78,8 +78,8 @@ def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
     # A UV map's own are not known.
     found = Features() if request.by_uv_map else features.fetch(prepared, skin=not request.is_draft)
     shown = figures(prepared, request, uvs, found)
-    told = told + notes(prepared, request)
-    asked = questions(prepared)
+    told, share = told + notes(prepared, request), prepared.rigid_share()[0]
+    asked = [f"{percent(share)} is rigid. {IS_SKIN}"] if MUCH_RIGID < share <= MOST_RIGID else []
     return Outcome(layout, images, prepared.layers, uvs, surface, colours, carried, shown, found, told, asked)
 
 
@@ -134,12 +134,6 @@ def notes(prepared: Prepared, request: Request) -> list[str]:
     if request.by_uv_map and prepared.whole_share() < LEAST_WHOLE:
         found.append("Faces are larger than features, which the UV map cannot follow: press Set Up by Image")
     return found + _of_doubles(prepared, request.positions) + prepared.carriers.notes()
-
-
-def questions(prepared: Prepared) -> list[str]:
-    """What may be meant, in sentences: it does not take the tick away."""
-    share = prepared.rigid_share()[0]
-    return [f"{percent(share)} is rigid. {IS_SKIN}"] if MUCH_RIGID < share <= MOST_RIGID else []
 
 
 def _of_doubles(prepared: Prepared, pose: np.ndarray) -> list[str]:

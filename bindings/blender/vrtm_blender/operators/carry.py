@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from .. import carry, carry_bake, live, solve, states
+from .. import carry, carry_bake, geometry, live, solve, states
 from ..carriers import BOUND, TOO_FAR, told
 from ..messages import Problem
 from .bake import BakesFrames
@@ -40,7 +41,8 @@ class _Carry(OnObject):
             raise Problem(f"{obj.name}: press Set Up first, so that something is rigid")
         if obj.mode == "EDIT":
             raise Problem(f"{obj.name} is in Edit Mode: leave it first")
-        farthest = self.farthest or carry.default_distance(obj)
+        size = np.linalg.norm(np.ptp(geometry.rest_positions(obj), axis=0))
+        farthest = self.farthest or carry.scale_of(obj) * carry.FAR * float(size)
         chosen = [other for other in context.selected_objects if other != obj]
         if not chosen:
             raise Problem(f"{obj.name}: select what it is to carry, and {obj.name} last")
