@@ -1,6 +1,6 @@
 """Writes what the package knows of the C API, from the C header.
 
-    python generate.py [--header vrtm.h] [--out src/vrtm]
+    python generate.py
 
 `_abi.py` gets the constants, the layouts of all structs and the signatures of all functions, for ctypes; `_records.py`
 gets a dataclass for each struct that the library fills, with the header's comments as its documentation, and a Literal
@@ -11,7 +11,6 @@ The header is plain C without conditions that matter here, so no preprocessor is
 cut out, and pycparser reads the rest.
 """
 
-import argparse
 import re
 import textwrap
 from pathlib import Path
@@ -317,24 +316,14 @@ def _doc(header: Header, text: str) -> list[str]:
     return textwrap.wrap(f'"""{text}"""', 120, initial_indent="    ", subsequent_indent="    ")
 
 
-def generate(header: Path, out: Path) -> list[Path]:
-    """Writes both files into the folder `out`; returns their paths."""
+def generate(header: Path, out: Path) -> None:
+    """Writes both files into the folder `out`."""
     parsed = Header(header.read_text(encoding="utf-8"))
     texts = {out / "_abi.py": abi(parsed), out / "_records.py": records(parsed)}
     for path, text in texts.items():
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8", newline="\n")
-    return list(texts)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description="writes vrtm/_abi.py and vrtm/_records.py from the C header")
-    parser.add_argument("--header", type=Path, default=HEADER)
-    parser.add_argument("--out", type=Path, default=HERE / "src" / "vrtm")
-    arguments = parser.parse_args()
-    for path in generate(arguments.header, arguments.out):
-        print(path)
 
 
 if __name__ == "__main__":
-    main()
+    generate(HEADER, HERE / "src" / "vrtm")
