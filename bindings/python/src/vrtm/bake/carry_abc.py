@@ -4,7 +4,6 @@ import errno
 import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from typing import Any
 
 import imath
@@ -13,11 +12,10 @@ from alembic3d import Abc, AbcCoreAbstract
 
 from vrtm.bake import overwrite, staging
 from vrtm.bake.carry_prims import CarriedPrim, Pose, Scatter, made, wrong
-from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene import Scene
 from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh, AlembicObject, to_world
-from vrtm.bake.scene.types import SceneError
+from vrtm.bake.scene.types import SceneError, reading
 from vrtm.bake.words import cause
 
 _KINDS = {"Points": "points", "Curves": "curves", "PolyMesh": "mesh", "SubD": "mesh"}
@@ -36,7 +34,7 @@ class AlembicScatter(Scatter):
         self._scene, self._archive = scene, archive
         self._carried: set[str] = set()
         self._motions: dict[str, Motion] = {}
-        with self._reading():
+        with reading(self._file):
             self._objects = {found.path: found for found in self._archive.objects()}
 
     def time(self, frame: float) -> float:
@@ -50,13 +48,13 @@ class AlembicScatter(Scatter):
         return [name for name, found in self._objects.items() if _kind(found) and f"{name}/".startswith(below)]
 
     def to_world(self, prim: CarriedPrim, frame: float) -> np.ndarray:
-        with self._reading():
+        with reading(self._file):
             return to_world(self._objects[prim.path].above, self.time(frame))
 
     def digest(self) -> str:
         """All of the objects goes into the file: also widths, transforms and faces."""
         digest = Fingerprint().text(self._rate)
-        with self._reading():
+        with reading(self._file):
             for path in sorted(self._kept()):
                 digest.text(path, self._objects[path].object.getPropertiesHash())
         return digest.hex()
@@ -67,7 +65,7 @@ class AlembicScatter(Scatter):
     def write(self, path: str, inputs: str, told: str) -> list[str]:
         description = json.dumps({"inputs": inputs, "told": told})
         kept = self._kept()
-        with self._reading():
+        with reading(self._file):
             return write_archive(path, self._archive.top, kept, self._motions, self._rate, description)
 
     def known(self, path: str, inputs: str) -> str | None:
@@ -109,7 +107,7 @@ class AlembicScatter(Scatter):
         return kept | {path for path in sets if path.rsplit("/", 1)[0] in self._carried}
 
     def _read(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
-        with self._reading():
+        with reading(self._file):
             return self._read_object(path, seconds, in_parts)
 
     def _read_object(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
@@ -131,14 +129,6 @@ class AlembicScatter(Scatter):
         self._carried.add(path)
         faces = posed.faces(0) if _KINDS[kind] == "mesh" and in_parts else None
         return made(path, _KINDS[kind], points, curves, None, faces)
-
-    @contextmanager
-    def _reading(self) -> Iterator[None]:
-        """An archive may be damaged anywhere."""
-        try:
-            yield
-        except (RuntimeError, UnicodeDecodeError) as error:
-            raise Failure(INPUT, f"{self._file}: cannot be read: {cause(error)}") from error
 
 
 def _kind(found: AlembicObject) -> str:

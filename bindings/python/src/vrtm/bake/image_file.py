@@ -89,7 +89,7 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
         # A closed image may lack its last bytes.
         staging.write(target.path, body, is_whole=_is_whole)
     except OSError as error:
-        _remove_damaged(target.path)
+        overwrite.remove_damaged(target.path, _read)
         raise unwritable(target.path, error) from error
 
 
@@ -102,7 +102,7 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
         return None
     found = _read(target.path)
     if found is None:
-        _remove_damaged(target.path)
+        overwrite.remove_damaged(target.path, _read)
         return None
     spec, facts, digest = found
     if facts.get(_PIXELS, digest) != digest:
@@ -150,12 +150,6 @@ def remove(path: str, mesh: str) -> bool:
     with contextlib.suppress(OSError):
         os.remove(path)
     return not os.path.lexists(path)
-
-
-def _remove_damaged(path: str) -> None:
-    if os.path.isfile(path) and overwrite.is_ours(path) and _read(path) is None:
-        with contextlib.suppress(OSError):
-            os.remove(path)
 
 
 def _is_whole(path: str) -> bool:

@@ -1,6 +1,5 @@
 """Kinds of files: those per frame and tile, straight from the library, and redirected corner UVs per mesh and frame."""
 
-import contextlib
 import os
 from dataclasses import dataclass
 
@@ -89,20 +88,15 @@ class CornerFile:
         try:
             export(layer, self.path, values_hash)
         except OSError as error:
-            self._remove_damaged()
+            overwrite.remove_damaged(self.path, _recorded)
             raise unwritable(self.path, error) from error
 
     def up_to_date(self) -> bool:
         """True if the file is there, whole, and made of these inputs. A damaged one of vrtm's own is removed."""
         recorded = _recorded(self.path)
         if recorded is None:
-            self._remove_damaged()
+            overwrite.remove_damaged(self.path, _recorded)
         return recorded is not None and recorded.get(_INPUTS) == self.inputs
-
-    def _remove_damaged(self) -> None:
-        if os.path.isfile(self.path) and overwrite.is_ours(self.path) and _recorded(self.path) is None:
-            with contextlib.suppress(OSError):
-                os.remove(self.path)
 
 
 def _recorded(path: str) -> dict | None:

@@ -1,10 +1,11 @@
 """The files that a program of vrtm may replace: never one that it reads, and none that vrtm has not written."""
 
+import contextlib
 import mmap
 import os
 import re
 import stat
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 _EXR, _PNG, _TIFF = b"\x76\x2f\x31\x01", b"\x89PNG", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _CRATE, _LAYER, _ARCHIVE = b"PXR-USDC", b"#usda ", b"Ogawa\xff"
@@ -111,6 +112,13 @@ def is_ours(path: str) -> bool:
     if start.startswith(b"glTF"):
         return text[20:].startswith(_GLTF)
     return b"".join(text[: 1 << 10].split()).startswith(_REPORT)
+
+
+def remove_damaged(path: str, read: Callable[[str], object]) -> None:
+    """Takes a file of vrtm's own away of which `read` makes None, so that no program takes it for a whole one."""
+    if os.path.isfile(path) and is_ours(path) and read(path) is None:
+        with contextlib.suppress(OSError):
+            os.remove(path)
 
 
 def _is_cut_short(path: str, size: int) -> bool:

@@ -150,7 +150,7 @@ def _reserved(place: _Place, name: str) -> Iterator[tuple[str, BinaryIO]]:
         temporary = f".{name}.{secrets.token_hex(8)}.part"
         flags = os.O_CREAT | os.O_EXCL | os.O_RDWR
         file = open(os.open(place.at(temporary), flags, 0o666, dir_fd=place.descriptor), "w+b")
-        if place.descriptor is None or (_lock(file.fileno()) and place.has(temporary, file)):
+        if place.descriptor is None or (_lock(file.fileno()) is not False and place.has(temporary, file)):
             break
         # Another program's sweep was quicker than the lock.
         file.close()
@@ -171,14 +171,14 @@ def _close(file: BinaryIO) -> None:
         file.close()
 
 
-def _lock(descriptor: int) -> bool:
-    """True if the lock is ours. Where the file system has no locks, it is: only age tells there."""
+def _lock(descriptor: int) -> bool | None:
+    """True if the lock is ours, False if it is another's, None where the file system has no locks."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:
-        pass
+        return None
     return True
 
 
@@ -190,15 +190,10 @@ def _remove_abandoned(path: str) -> bool:
         if os.name == "posix":
             # Neither a link nor a pipe, which nobody may ever read, is a file of vrtm's.
             descriptor = os.open(path, os.O_WRONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-            try:
-                # Held until the file is gone: a writer that has just made it sees that, and makes another.
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                old = True
-            except BlockingIOError:
-                return False
-            except OSError:
-                # Only age tells where there are no locks.
-                pass
+            # Held until the file is gone: a writer that has just made it sees that, and makes another. Only age tells
+            # where there are no locks.
+            locked = _lock(descriptor)
+            old = old if locked is None else locked
         if old:
             os.remove(path)
         return old

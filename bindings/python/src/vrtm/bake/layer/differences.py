@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom
 
 from vrtm.bake.frames import Frame
 from vrtm.bake.layer.clips import ATTRIBUTE, CLIP_PRIM
@@ -12,6 +12,7 @@ from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.layer.write import STAGE_FIELDS, named_files, tell
 from vrtm.bake.mark import found_in
 from vrtm.bake.scene import Scene, Shape
+from vrtm.bake.scene.usd_stage import resolved
 
 Files = Mapping[str, tuple[Frame, list[str]]]
 """The frame and the files of each name that a layer has."""
@@ -53,17 +54,10 @@ def _wrong_files(layer: Sdf.Layer, stage: Usd.Stage, code: Usd.TimeCode, frame: 
         if own != frame:
             yield f"{path}: names {asset.path if asset else 'no file'}, not that of frame {frame}"
             continue
-        lacking = {os.path.realpath(file) for file in wanted} - {*map(os.path.realpath, _found(attribute, code))}
+        there = resolved(asset, attribute.GetPropertyStack(code)[0].layer)
+        lacking = {os.path.realpath(file) for file in wanted} - {*map(os.path.realpath, there)}
         if lacking:
             yield f"{path}: {asset.path} does not lead to {min(lacking)}"
-
-
-def _found(attribute: Usd.Attribute, code: Usd.TimeCode) -> list[str]:
-    asset = attribute.Get(code)
-    if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
-        layer = attribute.GetPropertyStack(code)[0].layer
-        return [path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)]
-    return [asset.resolvedPath]
 
 
 def _wrong_uvs(

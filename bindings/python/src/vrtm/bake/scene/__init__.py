@@ -7,8 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
-from vrtm.bake.words import cause
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source, reading
 
 __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
 
@@ -70,12 +69,8 @@ class Scene(AbstractContextManager):
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Turns exceptions of libraries, which damaged files may cause anywhere, into SceneError."""
-        try:
-            with self.listening():
-                yield
-        except (RuntimeError, UnicodeDecodeError) as error:
-            raise SceneError(f"{self.path}: cannot be read: {cause(error)}") from error
+        with reading(self.path), self.listening():
+            yield
 
     def shape(self, name: str) -> Shape:
         """The shape of that name. Raises KeyError."""

@@ -1,6 +1,7 @@
 """Types that all readers of scenes share: options, shapes, the error, and the interface of a reader."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ import vrtm
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.axes import Axes
 from vrtm.bake.scene.timing import Clock
+from vrtm.bake.words import cause
 
 
 class SceneError(Exception):
@@ -20,6 +22,15 @@ def not_loaded(error: Exception, what: str, package: str, extra: str, module: st
     if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == module:
         return SceneError(f"{what} need the package {package}: pip install 'vrtm[{extra}]'")
     return SceneError(f"{what} need the package {package}, which cannot be loaded: {type(error).__name__}: {error}")
+
+
+@contextmanager
+def reading(path: str) -> Iterator[None]:
+    """Turns exceptions of libraries, which damaged files may cause anywhere, into SceneError."""
+    try:
+        yield
+    except (RuntimeError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read: {cause(error)}") from error
 
 
 def frame_number(rest: str) -> float:

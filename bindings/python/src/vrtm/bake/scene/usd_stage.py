@@ -112,12 +112,14 @@ def assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
     for time in (Usd.TimeCode.Default(), *attribute.GetTimeSamples()):
         layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
         asset = attribute.Get(time) if layers and layers[0].identifier not in ours else None
-        if not asset:
-            continue
-        if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
-            yield from (path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]))
-        elif asset.resolvedPath:
-            yield asset.resolvedPath
+        yield from resolved(asset, layers[0]) if asset else ()
+
+
+def resolved(asset: Sdf.AssetPath, layer: Sdf.Layer) -> list[str]:
+    """The files that a layer names: those of all tiles where it names a pattern, none that are not there."""
+    if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+        return [path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)]
+    return [asset.resolvedPath] if asset.resolvedPath else []
 
 
 def axes_of(stage: Usd.Stage) -> Axes:
