@@ -65,11 +65,9 @@ def write_material(stage: Usd.Stage, texture: str) -> UsdShade.Material:
         shader.CreateIdAttr(kind)
         return shader
 
-    surface, image, uv = (
-        node("surface", "UsdPreviewSurface"),
-        node("image", "UsdUVTexture"),
-        node("uv", "UsdPrimvarReader_float2"),
-    )
+    surface = node("surface", "UsdPreviewSurface")
+    image = node("image", "UsdUVTexture")
+    uv = node("uv", "UsdPrimvarReader_float2")
     kinds = Sdf.ValueTypeNames
     uv.CreateInput("varname", kinds.String).Set("st")
     image.CreateInput("file", kinds.Asset).Set(texture)
@@ -109,9 +107,7 @@ def main() -> None:
         # It begins and ends softly. The first frame is the arm at rest.
         share = (1 - np.cos(np.pi * (frame - 1) / (FRAMES - 1))) / 2
         points.Set(Vt.Vec3fArray.FromNumpy(arm(np.radians(110 * share))[0].astype(np.float32)), frame)
-    UsdGeom.Boundable(mesh).CreateExtentAttr(
-        UsdGeom.PointBased.ComputeExtent(Vt.Vec3fArray.FromNumpy(rest.astype("f4")))
-    )
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(Vt.Vec3fArray.FromNumpy(rest.astype("f4"))))
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(write_material(stage, "./colour.<UDIM>.png"))
     stage.Save()
     print(f"{folder / 'arm.usda'}: {len(faces)} faces, {FRAMES} frames")

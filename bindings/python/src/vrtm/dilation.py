@@ -67,9 +67,8 @@ def _filtered(pixels: np.ndarray, _covered: np.ndarray, x: np.ndarray, y: np.nda
     """Catmull-Rom interpolation, within the range of the image: beside an edge it would overshoot."""
     finite = np.where(np.isfinite(pixels), pixels, np.nan)
     low, high = np.nanmin(finite, axis=(0, 1)), np.nanmax(finite, axis=(0, 1))
-    return np.clip(
-        interpolated(np.pad(pixels, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge"), x, y), low, high
-    )
+    padded = np.pad(pixels, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
+    return np.clip(interpolated(padded, x, y), low, high)
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,9 +99,8 @@ class Carry:
         path = self.work.settings.carry_file
         with self.work.scene.listening():
             for prim, times, poses in self._meant.values():
-                yield from (
-                    f"{path}: {prim.path}: {found}" for found in self.scatter.differences(path, prim, times, poses)
-                )
+                found = self.scatter.differences(path, prim, times, poses)
+                yield from (f"{path}: {prim.path}: {what}" for what in found)
 
     def _prims(self) -> list[CarriedPrim]:
         work, settings = self.work, self.work.settings

@@ -111,20 +111,19 @@ def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace,
         for array in shape.arrays:
             common.array(array)
         common.text(sorted(mesh.files))
-    targets = {}
+    textures = {}
     for path in paths:
         stop.check()
         texture = copy.read(path)
         if (texture.pixels.dtype, texture.channels) != (first.pixels.dtype, first.channels):
             raise Failure(INPUT, f"{path}: other channels or numbers than those of {paths[0]}")
         common.text(texture.inputs)
-        targets[path] = texture.target(
-            _output(parsed.out, path), {"vrtm:kind": "dilated", "vrtm:reach": str(parsed.reach)}
-        )
+        textures[path] = texture
     left = {}
-    for path, target in targets.items():
+    for path, texture in textures.items():
         inputs = common.copy().text(os.path.basename(path)).hex()
-        target = replace(target, facts={**target.facts, "vrtm:inputs": inputs})
+        facts = {"vrtm:kind": "dilated", "vrtm:reach": str(parsed.reach), "vrtm:inputs": inputs}
+        target = texture.target(_output(parsed.out, path), facts)
         if image_file.up_to_date(target, parsed.overwrite) is None:
             left[path] = target
     return left

@@ -56,14 +56,13 @@ def write(work: Work) -> tuple[list[str], Failure | None, Callable[[], Iterator[
     gone = [path for path in paths if not os.path.isfile(path)]
     forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
     wrong = [path for path, form in forms if form != settings.form]
-    if not (wrong or gone):
-        return warnings, None, compared
+    message = ""
     if wrong:
         message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
-        return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}"), compared
-    message = f"--layer {settings.layer}: {len(gone)} of the files that it names do not exist, such as {gone[0]}: "
-    message += "bake all tiles of its meshes, and all of its frames, into the same folder"
-    return warnings, Failure(TOLERANCE, message), compared
+    elif gone:
+        message = f"{len(gone)} of the files that it names do not exist, such as {gone[0]}: bake all tiles of its "
+        message += "meshes, and all of its frames, into the same folder"
+    return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}") if message else None, compared
 
 
 def foretell(work: Work) -> tuple[list[str], Failure | None]:
@@ -102,9 +101,8 @@ def check(work: Work) -> None:
     meshes = {path for mesh in work.meshes.values() for path in mesh.shape.instances}
     lost = [path for path in meshes_of(work.settings.layer or "") if path not in meshes]
     if lost and not work.settings.overwrite:
-        raise _failure(
-            work, f"it redirects {lost[0]}{others(len(lost) - 1)}, too, which is lost: --overwrite replaces it"
-        )
+        told = f"it redirects {lost[0]}{others(len(lost) - 1)}, too, which is lost"
+        raise _failure(work, f"{told}: --overwrite replaces it")
     for name, mesh in work.meshes.items() if work.settings.form == "tile" and not work.settings.corner_uvs else ():
         if mesh.gains and mesh.all_udims != (1001,):
             tiles = f"{name}, whose tiles are {mesh.all_udims}"

@@ -123,9 +123,7 @@ class Part:
 
     def _tiles(self, common: Fingerprint) -> list[TileWork]:
         settings = self.settings
-        rigid, masks = (
-            {udim: read_map(path) for udim, path in self.maps[option].items()} for option in ("rigidity", "mask")
-        )
+        rigid, masks = ({udim: read_map(path) for udim, path in found.items()} for found in self.maps.values())
         if settings.seams == "continue":
             # The surface beyond a tile's seams may be in any other tile.
             for maps in (rigid, masks):

@@ -54,9 +54,8 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
             features[udim] = np.clip(rigidity.brightness(read_colours(painted[udim])), 0, 1)
         if udim in bumps:
             normals[udim] = rigidity.smaller(read_colours(bumps[udim]), parsed.size)
-    inputs = Fingerprint().text(
-        VERSION, vrtm.version(), parsed.source, sorted(options.items()), parsed.invert, parsed.grow
-    )
+    inputs = Fingerprint().text(VERSION, vrtm.version(), parsed.source, sorted(options.items()))
+    inputs.text(parsed.invert, parsed.grow)
     for kind in (pictures, features, normals):
         for udim, pixels in kind.items():
             inputs.text(udim).array(pixels)
@@ -97,9 +96,8 @@ def _write(
             console.warning(f"{where} of {len(maps)} maps: another --threshold, or another --from, may find more")
     for udim, target in targets.items():
         values = maps[udim][..., None]
-        image_file.write(
-            target, np.rint(255 * values).astype(np.uint8) if target.dtype == "uint8" else values.astype(np.float16)
-        )
+        pixels = np.rint(255 * values).astype(np.uint8) if target.dtype == "uint8" else values.astype(np.float16)
+        image_file.write(target, pixels)
         console.info(f"{target.path}: {np.mean(values):.1%} {'free' if parsed.mask else 'rigid'}")
 
 

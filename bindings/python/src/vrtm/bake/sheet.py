@@ -218,9 +218,8 @@ class _Surface:
         middle, amount = self.uvs.mean(1), np.zeros(len(self.uvs))
         for number, looked in enumerate(self.looked):
             own = np.flatnonzero(self.owner == number)
-            amount[own] = (
-                _at(looked.strains[0], middle[own]).sum(1).clip(0, 1) * _at(looked.rigidity, middle[own])[:, 0]
-            )
+            rigid = _at(looked.rigidity, middle[own])[:, 0]
+            amount[own] = _at(looked.strains[0], middle[own]).sum(1).clip(0, 1) * rigid
         sides = [Camera(self.poses, yaw, 14) for yaw in (25, -25, 70, -70, 115, -115, 155, -155)]
         normals = self._normals(self.poses[1])
         # From the front unless another side shows clearly more.
@@ -321,9 +320,8 @@ def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
     column, row = x.astype(np.int64), y.astype(np.int64)
     right, below = np.minimum(column + 1, width - 1), np.minimum(row + 1, height - 1)
     across, down = (x - column)[:, None], (y - row)[:, None]
-    return mix(
-        mix(image[row, column], image[row, right], across), mix(image[below, column], image[below, right], across), down
-    )
+    upper, lower = (mix(image[of, column], image[of, right], across) for of in (row, below))
+    return mix(upper, lower, down)
 
 
 def _step(low: float, high: float, x: np.ndarray) -> np.ndarray:

@@ -202,11 +202,10 @@ class Units:
         self._jumps.add((before, after))
         ends = gross and _apart(change, 1) >= _OTHER
         then = "--allow-units bakes it all the same" if ends else "nothing is converted"
-        told = f"its edges are {here.median:.3g} times as long as at rest (median; the rest is from "
-        told += (
-            f"{self._shape.rest_from}), and in frame {after} {change:.3g} times as long as in frame {before}, as if "
-        )
-        return Finding(warning=f"{told}one of them were in another unit: {then}", ends=ends)
+        rest = f"at rest (median; the rest is from {self._shape.rest_from})"
+        told = f"its edges are {here.median:.3g} times as long as {rest}, and in frame {after} {change:.3g} times "
+        told += f"as long as in frame {before}, as if one of them were in another unit: {then}"
+        return Finding(warning=told, ends=ends)
 
 
 def _densest(ascending: np.ndarray, ratio: float) -> np.ndarray:

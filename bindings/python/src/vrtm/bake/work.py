@@ -238,9 +238,8 @@ class Work(contextlib.AbstractContextManager):
         for mesh in self.meshes.values():
             if settings.options.names(mesh.shape.path):
                 continue
-            idle = gain.without_gain(
-                mesh.shape, mesh.parts, every, functools.partial(self.scene.positions, mesh.shape), stop
-            )
+            pose = functools.partial(self.scene.positions, mesh.shape)
+            idle = gain.without_gain(mesh.shape, mesh.parts, every, pose, stop)
             if idle:
                 self.idle[mesh.shape.name] = idle
                 self.left_out += not_baked.without_gain(mesh, idle)
@@ -350,11 +349,8 @@ class Work(contextlib.AbstractContextManager):
                 yield self.basis_file(mesh.shape.name)
                 yield from self.geometry_files(mesh.shape.name).values()
                 # There may be as many basis maps as frames.
-                numbers = range(len(self.frames))
-                of = ending(self.settings.basis_format)
-                yield from (
-                    mesh.path(self.pattern, "basis", k, tile, ending=of) for tile in mesh.tiles for k in numbers
-                )
+                for tile, k in itertools.product(mesh.tiles, range(len(self.frames))):
+                    yield mesh.path(self.pattern, "basis", k, tile, ending=ending(self.settings.basis_format))
 
     def carried_files(self) -> list[str]:
         """The file with what is carried; in a task of a farm, those of its frames."""

@@ -184,10 +184,9 @@ class _Author:
 
     def _bind(self, prim: Usd.Prim, purpose: str, material: UsdShade.Material) -> bool:
         """Binds a material, and tells whether it is the one that counts."""
-        UsdShade.MaterialBindingAPI.Apply(prim).Bind(
-            material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose
-        )
-        now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0].GetPath()
+        api = UsdShade.MaterialBindingAPI.Apply(prim)
+        api.Bind(material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose)
+        now = api.ComputeBoundMaterial(purpose)[0].GetPath()
         if now != material.GetPath():
             self.warnings.append(f"{prim.GetPath()}: a stronger binding keeps {now} instead of {material.GetPath()}")
         return now == material.GetPath()

@@ -50,9 +50,8 @@ def find_maps(
         beside = f"; there is {there[0]}" if there else ""
         if re.search("[<>$%]", tokens.with_tiles(named, "")):
             beside = f"; the tokens of a tile are {tokens.TILES}"
-        raise SceneError(
-            f"{pattern}: no such file{f' for the tiles {_listed(udims)} of {mesh}' if mesh else ''}{beside}"
-        )
+        wanted = f" for the tiles {_listed(udims)} of {mesh}" if mesh else ""
+        raise SceneError(f"{pattern}: no such file{wanted}{beside}")
     return found
 
 

@@ -93,10 +93,9 @@ class ObjSource(Source):
 
     def _read_file(self, path: str) -> np.ndarray:
         pose = self._mesh if path == self.path else read_obj(path)
-        if len(pose.positions) != len(self._mesh.positions):
-            raise SceneError(
-                f"{path}: {len(pose.positions)} vertices, but the rest mesh has {len(self._mesh.positions)}"
-            )
+        found, wanted = (len(of.positions) for of in (pose, self._mesh))
+        if found != wanted:
+            raise SceneError(f"{path}: {found} vertices, but the rest mesh has {wanted}")
         if len(pose.counts):
             check_faces(path, pose.counts, pose.indices, self._mesh.counts, self._mesh.indices)
         return pose.positions

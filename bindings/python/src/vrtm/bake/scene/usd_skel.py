@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdSkel, Vt
 
+from vrtm.bake.scene.axes import placed
 from vrtm.bake.scene.types import SceneError
 from vrtm.bake.scene.usd_stage import ANY, shown
 
@@ -91,10 +92,7 @@ class Skin:
 
     def bound(self, points: np.ndarray) -> np.ndarray:
         """Points of the mesh in the bind pose: moved to the skeleton's space."""
-        if not self._jointed:
-            return points
-        matrix = np.array(self._target.GetGeomBindTransform())
-        return points @ matrix[:3, :3] + matrix[3, :3]
+        return placed(points, np.array(self._target.GetGeomBindTransform())) if self._jointed else points
 
     def posed(self, points: np.ndarray, time: Usd.TimeCode) -> np.ndarray:
         """(points, 3) at a time code: blend shapes, then joints. Raises SceneError."""
