@@ -56,10 +56,8 @@ def mesh(
     then: ArrayLike | None = None,
 ) -> Any:
     """A mesh of quadrilaterals, with UVs per vertex if there are some. `then`: the faces after the first sample."""
-    kind, of = (
-        (AbcGeom.OSubD, AbcGeom.OSubDSchemaSample) if subd else (AbcGeom.OPolyMesh, AbcGeom.OPolyMeshSchemaSample)
-    )
-    made = kind(parent, name, sampling)
+    kind = "OSubD" if subd else "OPolyMesh"
+    made, of = getattr(AbcGeom, kind)(parent, name, sampling), getattr(AbcGeom, f"{kind}SchemaSample")
     for number, points in enumerate(poses):
         corners = ints(faces if number == 0 or then is None else then)
         sample = of(v3f(points), corners, ints([4] * (len(corners) // 4)))

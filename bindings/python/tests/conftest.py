@@ -1,6 +1,7 @@
 """Fixtures and arrays that several tests share: a device, a sheet with painted studs, and its poses."""
 
 import os
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,6 +26,14 @@ def refused(kind: type | tuple, words: str, function: Callable, *arguments: obje
     """Checks that a call raises an exception of a kind, in whose message a pattern, if any, is found."""
     with pytest.raises(kind, match=words or None):
         function(*arguments, **named)
+
+
+def until(done: Callable[[], bool], seconds: float = 40) -> None:
+    """Waits for something that comes, be the machine ever so busy."""
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end, "it has not come"
+        time.sleep(0.01)
 
 
 def grid(columns: int, rows: int | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
 from bake_scenes import image
-from conftest import centres
+from conftest import centres, grid
 
 MESH = "/model/mirrored"
 CELLS = 12
@@ -20,19 +20,11 @@ def mirrored(folder: Path, frames: int = 2, make=scenes.materialx_material, sche
     folder.mkdir(parents=True, exist_ok=True)
     stage = scenes.stage(folder / "shot.usda", 1, frames, fps=None, meters=1)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/model").GetPrim())
-    points: dict[tuple[int, int], int] = {}
-    indices, uvs = [], []
-    for part, tile in ((1, 0), (-1, 0), (2, 1)):
-        first = {1: 0, -1: 0, 2: 2 * CELLS}[part]
-        for j in range(CELLS):
-            for i in range(CELLS):
-                square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
-                # The same way round, seen from the front.
-                for a, b in square if part > 0 else square[::-1]:
-                    at = (first + (a if part > 0 else -a), b)
-                    indices.append(points.setdefault(at, len(points)))
-                    uvs.append((tile + 0.05 + 0.9 * a / CELLS, 0.05 + 0.9 * b / CELLS))
-    rest = np.array([(x / CELLS, y / CELLS, 0.0) for x, y in points])
+    square, faces = grid(CELLS)
+    # The same way round, seen from the front.
+    parts = [(square, faces, 0), (0 - square * [1, -1, 0], faces[:, ::-1], 0), (np.add(square, [2, 0, 0]), faces, 1)]
+    rest, indices = np.unique(np.concatenate([at[of.ravel()] for at, of, _ in parts]), axis=0, return_inverse=True)
+    uvs = np.concatenate([0.05 + 0.9 * square[of.ravel(), :2] + [tile, 0] for _, of, tile in parts])
     poses = {}
     for frame in range(1, frames + 1):
         moved, (x, y) = rest.copy(), rest[:, :2].T
@@ -52,12 +44,6 @@ def mirrored(folder: Path, frames: int = 2, make=scenes.materialx_material, sche
         image(folder / f"rigid.{udim}.png", (255 * studs).astype(np.uint8)[..., None])
         image(folder / f"colour.{udim}.png", np.stack([255 * u, 255 * (1 - v), 255 * studs], -1).astype(np.uint8))
     return folder / "shot.usda"
-
-
-def composed(baked: Path, layer: Path) -> Usd.Stage:
-    root = Sdf.Layer.CreateAnonymous(".usda")
-    root.subLayerPaths = [str(layer), str(baked)]
-    return Usd.Stage.Open(root)
 
 
 def materials(stage: Usd.Stage) -> dict[str, tuple[np.ndarray, Sdf.Path]]:

@@ -83,6 +83,14 @@ def primvar(
     return made
 
 
+def instance(made: Usd.Stage, path: str, target: str, file: str = "") -> Usd.Prim:
+    """An instance of a prim of the stage, or of another file."""
+    prim = made.DefinePrim(path)
+    prim.GetReferences().AddReference(file, target)
+    prim.SetInstanceable(True)
+    return prim
+
+
 def stretch(prim: UsdGeom.Mesh, frames: Sequence[float]) -> None:
     """Time samples in which the right edge moves by 0.1 per frame after the first."""
     for frame in frames:

@@ -53,7 +53,7 @@ def over(stage: Usd.Stage, shapes=("one",), options: SceneOptions | None = None,
     path = Path(stage.GetRootLayer().realPath)
     with Scene(path, options or SceneOptions()) as scene:
         _, warnings = bake(path.parent, scene, shapes, **plan)
-    return composed(path.parent, path.name), warnings
+    return composed(path, path.parent / "over.usda"), warnings
 
 
 def write_corner_uvs(path: Path, shape: Shape, frame: float, uvs: np.ndarray) -> None:
@@ -65,15 +65,15 @@ def corner_uvs(shape, frame: float) -> np.ndarray:
     return shape.uvs[shape.uv_indices] + np.arange(2 * len(shape.indices)).reshape(-1, 2) * 0.001 * frame
 
 
-def composed(folder: Path, file: str = "shot.usda") -> Usd.Stage:
+def composed(baked: Path, layer: Path) -> Usd.Stage:
     """The shot with the layer sublayered over it, as a user would do it."""
     root = Sdf.Layer.CreateAnonymous(".usda")
-    below = Sdf.Layer.FindOrOpen(str(folder / file))
+    below = Sdf.Layer.FindOrOpen(str(baked))
     for name in ("timeCodesPerSecond", "framesPerSecond"):
         root.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
-    root.subLayerPaths = [str(folder / "over.usda"), str(folder / file)]
+    root.subLayerPaths = [str(layer), str(baked)]
     # A stage with an earlier layer may still be open.
-    Sdf.Layer.FindOrOpen(str(folder / "over.usda")).Reload(force=True)
+    Sdf.Layer.FindOrOpen(str(layer)).Reload(force=True)
     OPEN[:] = [Usd.Stage.Open(root)]
     return OPEN[0]
 

@@ -249,6 +249,8 @@ def test_held_out_frames_are_some_of_those_that_are_baked(tmp_path: Path) -> Non
         (("--quiet", "--dry-run"), "exclude each other"),
         (("--temporal-weight", 0.2), "--temporal-weight needs --warm"),
         (("--root", "a.usda"), "--root needs --layer"),
+        (("--only-layer",), "--only-layer needs --layer"),
+        (("--layer", "l.usda", "--layer-mode", "primvar", "--tiles", 1001), "--tiles cannot go with it"),
         (("--max-layers", 4, "--overlap", "fixed"), "--max-layers needs --overlap each"),
     ],
 )

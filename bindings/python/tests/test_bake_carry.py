@@ -211,11 +211,8 @@ def test_what_is_inside_an_instance_is_opened_up(tmp_path: Path, stage: Usd.Stag
     stage.GetRootLayer().Export(str(tmp_path / "asset.usda"))
     stage.RemovePrim("/model")
     for path in ("/set/a", "/set/b"):
-        prim = stage.DefinePrim(path, "Xform")
-        prim.GetReferences().AddReference("asset.usda", "/model")
-        prim.SetInstanceable(True)
-    stage.DefinePrim("/shot", "Xform").GetReferences().AddInternalReference("/set")
-    stage.GetPrimAtPath("/shot").SetInstanceable(True)
+        scenes.instance(stage, path, "/model", "asset.usda")
+    scenes.instance(stage, "/shot", "/set")
     said = bake(tmp_path, stage, "--carry-prims", "/shot/a", meshes="/shot/a/skin")
     assert "/shot/a/scales: instances, 4 places, carried by /shot/a/skin" in said
     for path in ("/shot", "/shot/a"):

@@ -42,9 +42,8 @@ def scatter(archive: Any, parent: Any) -> None:
     half.getSchema().set(AbcGeom.OFaceSetSchemaSample(abc.ints(range(8))))
     abc.mesh(parent, "smooth", [DETAIL], DETAIL_FACES, subd=True)
     # A property over time, at times of its own.
-    glow = AbcGeom.OFloatGeomParam(
-        dots.getSchema().getArbGeomParams(), "glow", False, abc.VERTEX, 1, abc.sampled(archive, 3)
-    )
+    params = dots.getSchema().getArbGeomParams()
+    glow = AbcGeom.OFloatGeomParam(params, "glow", False, abc.VERTEX, 1, abc.sampled(archive, 3))
     for k in range(3):
         glow.set(AbcGeom.OFloatGeomParamSample(abc.array(imath.FloatArray, [k, k + 0.5, 0, 1]), abc.VERTEX))
 
@@ -273,7 +272,8 @@ def test_damaged_archives_are_named(tmp_path: Path) -> None:
         other.write_bytes(content)
         assert "scatter.abc: not an Alembic file" in bake(tmp_path, *asked, expect=2)
     other.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
-    assert "an Alembic file in HDF5" in bake(tmp_path, *asked, expect=2)
+    said = bake(tmp_path, *asked, expect=2)
+    assert "an Alembic file in HDF5" in said and "convert it with 'abcconvert -toOgawa" in said
     # Of what tells where the data are, some is lost.
     rng = np.random.default_rng(1)
     for _ in range(6):

@@ -200,7 +200,9 @@ def test_bad_input(scene: Path, tmp_path: Path) -> None:
     blocked.write_text("in the way")
     bad = tmp_path / "bad.usda"
     bad.write_text("#usda 1.0\ndef Mesh {")
-    good = sheet_arguments(scene, out)
+    obj = tmp_path / "a.obj"
+    obj.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    good, layer = sheet_arguments(scene, out), ("--layer", tmp_path / "l.usda")
     rigid = good[:1] + good[2:]
     for arguments, words in [
         ([*good, "--frames", "9-8"], "runs backwards"),
@@ -221,6 +223,9 @@ def test_bad_input(scene: Path, tmp_path: Path) -> None:
         ([*good, "--rigidity-primvar", "x"], "--rigidity"),
         ([*good, "--more", "'unclosed"], "--more"),
         ([*good, "--report", blocked / "r.json"], "r.json"),
+        ([*good, "--form", "tile", *layer], "use 'udim'"),
+        ([*good, "--layer", tmp_path / "l.txt"], "l.txt: its name must end in one of .usda"),
+        (["bake", obj, *rigid[1:], *layer], "a.obj is no USD file"),
         (["bake", scene, "--out", out], "--rigidity"),
         (["bake", tmp_path / "none.usda", *rigid[1:]], "none.usda"),
         (["bake", bad, *rigid[1:]], "bad.usda"),
@@ -233,7 +238,9 @@ def test_bad_input(scene: Path, tmp_path: Path) -> None:
         (line,) = ended.stderr.strip().splitlines()
         assert words in line, f"'{words}' in: {line}"
         assert "Traceback" not in ended.stderr and "[1/5]" not in ended.stdout, "known before the first solve"
+        assert "--layer" not in arguments or not out.exists(), "known before a folder is made"
         shutil.rmtree(out, ignore_errors=True)
+    assert not list(tmp_path.glob("l.*"))
 
 
 def test_devices(scene: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 import scenes
 from bake_scenes import files, flat, image, run
 from conftest import centres, grid
-from mirrored import composed
+from shots import composed
 from vrtm import cli
 from vrtm.bake import gain
 from vrtm.bake.scene.types import Shape

@@ -49,22 +49,6 @@ def test_corner_uvs_are_up_to_date_or_made_anew(scene: Path, tmp_path: Path) -> 
         assert files(tmp_path) == before
 
 
-def test_wrong_layers(scene: Path, tmp_path: Path) -> None:
-    obj = tmp_path / "a.obj"
-    obj.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
-    out = tmp_path / "out"
-    for arguments, words in [
-        (sheet_arguments(scene, out, "--form", "tile", "--layer", tmp_path / "l.usda"), "udim"),
-        (sheet_arguments(scene, out, "--form", "udim", "--layer", tmp_path / "l.txt"), ".usda"),
-        (sheet_arguments(scene, out, "--layer", "l.usda", "--layer-mode", "primvar", "--tiles", 1001), "--tiles"),
-        (sheet_arguments(scene, out, "--only-layer"), "--layer"),
-        (["bake", obj, *sheet_arguments(scene, out, "--layer", tmp_path / "l.usda")[2:]], "USD"),
-    ]:
-        ended = run(*arguments, expect=2)
-        assert words in ended.stderr.splitlines()[-1], ended.stderr
-        assert not out.exists() and not (tmp_path / "l.usda").exists()
-
-
 def test_a_layer_names_files_that_exist(tmp_path: Path) -> None:
     scene = with_material(tmp_path / "shot")
     layer = tmp_path / "over.usda"

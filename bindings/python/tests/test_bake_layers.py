@@ -11,8 +11,8 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 import scenes
 import vrtm
 from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments, solved_alone
-from mirrored import CELLS, MESH, SIZE, check_family, composed, looked_up, materials, mirrored
-from shots import check_layer
+from mirrored import CELLS, MESH, SIZE, check_family, looked_up, materials, mirrored
+from shots import check_layer, composed
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.report import advice
 from vrtm.bake.scene import Scene, SceneOptions

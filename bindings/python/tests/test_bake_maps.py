@@ -208,9 +208,3 @@ def test_patterns(tmp_path: Path) -> None:
         (f"{at}none.png", (1001,), r"none\.png: no such file"),
     ):
         refused(SceneError, message, find_maps, pattern, "body", udims)
-
-
-def test_files_that_are_no_images(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_text("no image")
-    for name in ("a.png", "none.png"):
-        refused(SceneError, rf"{name}: .*", read_map, str(tmp_path / name))

@@ -286,9 +286,7 @@ def test_meshes_meet_in_the_world(tmp_path: Path, own: tuple, place: tuple, more
     elif more == "instances":
         above.GetPrim().SetSpecifier(Sdf.SpecifierClass)
         for number, height in enumerate((20, 1)):
-            other = UsdGeom.Xform.Define(stage, f"/other{number}")
-            other.GetPrim().GetReferences().AddInternalReference("/head")
-            other.GetPrim().SetInstanceable(True)
+            other = scenes.instance(stage, f"/other{number}", "/head")
             UsdGeom.XformCommonAPI(other).SetTranslate((0, height, 0))
     stage.Save()
     named = ("body",) if more == "unnamed" else ()

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from bake_scenes import files, image, pixels, processes, run, sheet, sheet_arguments, vrtm_command, with_material
-from conftest import LONG, refused
+from conftest import LONG, refused, until
 from scenes import preview_material
 from vrtm.bake import staging
 from vrtm.cli import main
@@ -56,16 +56,6 @@ def left(session: int) -> list[int]:
     return [number for number, (state, _, own) in processes().items() if own == session and state != "Z"]
 
 
-def gone(session: int) -> bool:
-    """True if all processes of a session end, be the machine ever so busy."""
-    limit = time.monotonic() + 30
-    while left(session):
-        if time.monotonic() > limit:
-            return False
-        time.sleep(0.02)
-    return True
-
-
 def await_files(out: Path, process: subprocess.Popen[str], count: int) -> None:
     """Waits until so many files are there; for none, until the scene is being opened."""
     opened = Path(f"/proc/{process.pid}/maps")
@@ -86,7 +76,7 @@ def end_early(process: subprocess.Popen[str], out: Path, number: int, code: int,
         return False
     assert process.returncode == code, told
     assert "Traceback" not in told and f"ended by {signal.Signals(number).name}" in told
-    assert gone(process.pid), "processes are left"
+    until(lambda: not left(process.pid))
     return True
 
 
@@ -137,7 +127,7 @@ def test_a_kill_is_made_good_by_the_next_run(
         process.kill()
         process.communicate()
         # The workers notice that they are alone, and end.
-        assert gone(process.pid), "processes are left"
+        until(lambda process=process: not left(process.pid))
         whole = {name: content for name, content in files(tmp_path).items() if not name.startswith(".")}
         assert whole.items() <= reference.items()
     # As a kill in the middle of a file leaves it.
@@ -158,7 +148,8 @@ def test_a_worker_that_is_killed_is_told(scene: Path, reference: dict[str, bytes
                 break
         _, told = process.communicate(timeout=100)
         assert process.returncode == 4, told
-        assert "--jobs" in told and gone(process.pid)
+        assert "--jobs" in told
+        until(lambda process=process: not left(process.pid))
         assert len(files(out)) < len(reference)
     run(*sheet_arguments(scene, out, *OPTIONS))
     assert files(out) == reference

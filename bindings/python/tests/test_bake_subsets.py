@@ -10,7 +10,8 @@ from pxr import Usd, UsdGeom, UsdShade, Vt
 import scenes
 import vrtm
 from bake_scenes import attributes, files, image, pixels, run, sheet, sheet_arguments, solved_alone
-from mirrored import CELLS, MESH, SIZE, check_family, composed, looked_up, materials, mirrored
+from mirrored import CELLS, MESH, SIZE, check_family, looked_up, materials, mirrored
+from shots import composed
 from vrtm.bake.scene import Scene, SceneOptions
 
 HALF = CELLS * CELLS

@@ -12,13 +12,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 from pxr import Usd, UsdGeom
 
 from bake_scenes import INSTALLED, files, processes, run, sheet_arguments, with_material
+from conftest import until
 from vrtm.farm import template
 
 FRAMES = 4
@@ -134,8 +135,7 @@ def test_a_job_that_is_ended_twice_writes_what_a_local_run_does(farm: Farm, loca
             all_ = tree(process.pid)
             for found in all_:
                 os.kill(found, signal.SIGKILL)
-            while any(processes().get(found, "Z")[0] != "Z" for found in all_):
-                time.sleep(0.005)
+            until(lambda all_=all_: all(processes().get(found, "Z")[0] == "Z" for found in all_))
         told, _ = process.communicate(timeout=60)
         assert process.returncode != 0
         found = {name: content for name, content in files(out).items() if not name.startswith(".")}
@@ -220,13 +220,6 @@ PartitionName=all Nodes={host} Default=YES
 
 def slurm_says(environment: dict[str, str], *command: str) -> str:
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60).stdout
-
-
-def until(done: Callable[[], bool], seconds: float = 40) -> None:
-    end = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_slurm_begins_a_killed_task_again(slurm: dict[str, str], tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import vrtm
-from conftest import refused, sheet, studded
+from conftest import refused, sheet, studded, until
 from vrtm import _call
 
 
@@ -218,10 +218,7 @@ def test_nothing_is_left(model):
             del asset
             gc.collect()
             # The job's thread holds on to it for a moment longer.
-            end = time.monotonic() + 10
-            while device.info.bytes_held and time.monotonic() < end:
-                time.sleep(0.01)
-            assert device.info.bytes_held == 0
+            until(lambda: device.info.bytes_held == 0)
 
 
 def test_log(model, caplog):

@@ -69,9 +69,7 @@ def test_instances_become_plain_prims(tmp_path: Path) -> None:
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/set").GetPrim())
     Usd.ModelAPI(stage.GetDefaultPrim()).SetKind("assembly")
     for name in ("left", "right"):
-        prim = UsdGeom.Xform.Define(stage, f"/set/{name}").GetPrim()
-        prim.GetReferences().AddReference("asset.usda")
-        prim.SetInstanceable(True)
+        scenes.instance(stage, f"/set/{name}", "/world", "asset.usda")
     stage.Save()
     scene = Scene(tmp_path / "shot.usda")
     assert len(scene.shapes) == 1

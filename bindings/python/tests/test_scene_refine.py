@@ -97,16 +97,14 @@ def test_a_ring_of_creases_and_a_sharp_corner(tmp_path: Path) -> None:
 def test_a_flat_grid_with_sharp_corners_fills_its_square(tmp_path: Path) -> None:
     shape = refined(tmp_path, 3, grid=True)
     assert shape.rest.min(axis=0).tolist() == [0, 0, 0] and shape.rest.max(axis=0).tolist() == [3, 3, 0]
-    assert shape.uvs[shape.uv_indices] == pytest.approx(shape.rest[shape.indices][:, :2]), (
-        "vertex UVs follow the points"
-    )
+    # UVs of vertices follow the points.
+    assert shape.uvs[shape.uv_indices] == pytest.approx(shape.rest[shape.indices][:, :2])
     soft = refined(tmp_path, 1, lambda mesh: mesh.CreateInterpolateBoundaryAttr("edgeOnly"), grid=True)
     assert at_cage(soft, 0) == pytest.approx([0.125, 0.125, 0])
     assert soft.uvs[soft.uv_indices] == pytest.approx(soft.rest[soft.indices][:, :2])
     linear = refined(tmp_path, 1, lambda mesh: mesh.CreateSubdivisionSchemeAttr("bilinear"))
-    assert np.abs(linear.rest).max(axis=1).tolist() == [1] * 26 and at_cage(linear, 5) == pytest.approx(
-        CUBE[CUBE_FACES[5]]
-    )
+    assert np.abs(linear.rest).max(axis=1).tolist() == [1] * 26
+    assert at_cage(linear, 5) == pytest.approx(CUBE[CUBE_FACES[5]])
 
 
 @pytest.mark.parametrize(

@@ -65,9 +65,7 @@ def test_instances_are_one_shape_if_one_animation_moves_them(arm: Usd.Stage, tmp
     saved(arm)
     for name in ("one", "two", "still"):
         UsdSkel.Root.Define(shot, f"/{name}")
-        prim = shot.DefinePrim(f"/{name}/arm")
-        prim.GetReferences().AddReference("arm.usda", "/arm")
-        prim.SetInstanceable(True)
+        scenes.instance(shot, f"/{name}/arm", "/arm", "arm.usda")
     scene = Scene(saved(shot))
     assert [shape.instances for shape in scene.shapes] == [("/one/arm/skin", "/two/arm/skin", "/still/arm/skin")]
     assert scene.positions(scene.shapes[0], 10) == pytest.approx(scenes.arm_at(1), abs=1e-5)
@@ -87,9 +85,7 @@ def test_instances_with_animations_of_their_own_are_shapes_of_their_own(arm: Usd
         animation.CreateRotationsAttr([Gf.Quatf(Gf.Rotation((0, 0, 1), angle).GetQuat())])
         animation.CreateScalesAttr([Gf.Vec3h(1, 1, 1)])
         UsdSkel.BindingAPI.Apply(root.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
-        prim = shot.DefinePrim(f"/{name}/arm")
-        prim.GetReferences().AddReference("arm.usda", "/arm")
-        prim.SetInstanceable(True)
+        scenes.instance(shot, f"/{name}/arm", "/arm", "arm.usda")
     scene = Scene(saved(shot))
     assert [shape.instances for shape in scene.shapes] == [("/one/arm/skin",), ("/two/arm/skin", "/three/arm/skin")]
     assert scene.positions("one_arm_skin", 1)[2].tolist() == pytest.approx([2, 0, 0])

@@ -218,9 +218,7 @@ def test_names_differ_in_more_than_the_case_of_letters() -> None:
 def test_instances_in_the_same_pose_are_one_shape(stage: Usd.Stage) -> None:
     scenes.stretch(scenes.mesh(stage, "/asset/mesh"), [1, 5])
     for name in ("one", "two"):
-        prim = stage.DefinePrim(f"/{name}")
-        prim.GetReferences().AddInternalReference("/asset")
-        prim.SetInstanceable(True)
+        scenes.instance(stage, f"/{name}", "/asset")
     stage.GetPrimAtPath("/asset").SetSpecifier(Sdf.SpecifierClass)
     scene = Scene(saved(stage))
     assert [(shape.path, shape.instances) for shape in scene.shapes] == [("/one/mesh", ("/one/mesh", "/two/mesh"))]
