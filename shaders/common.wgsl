@@ -214,7 +214,7 @@ fn block_holding(b: u32, i: i32, j: i32) -> u32 {
     if all(abs(d) <= vec2i(1)) {
         return blocks[b].neighbours[(d.y + 1) * 3 + d.x + 1];
     }
-    return find_block(b, at); // model: 0 times
+    return find_block(b, at);
 }
 
 /// Returns the block at block coordinates `at` of the chart of block b, or NONE. Binary search: a chart's blocks are
@@ -222,7 +222,7 @@ fn block_holding(b: u32, i: i32, j: i32) -> u32 {
 fn find_block(b: u32, at: vec2i) -> u32 {
     var low = blocks[b].chart_first;
     var high = low + blocks[b].chart_count;
-    while low < high { // model: 3 times
+    while low < high {
         let middle = (low + high) / 2u;
         let found = vec2i(i32(blocks[middle].x), i32(blocks[middle].y));
         if all(found == at) {

@@ -38,7 +38,6 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         return;
     }
     load_patch(b, s);
-    // model: near
     let floor = charts[blocks[b].chart].length_floor * params.scale;
     let n = node_at(s);
     var sum = Share(0.0, 1.0);

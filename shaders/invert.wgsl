@@ -99,9 +99,9 @@ fn invert_cell(b: u32, c: u32, workgroup_of_block: u32) {
     let row = request.row;
     var y = max(u32(first.y), row);
     y += workgroups_per_block - 1u - (y + workgroups_per_block - 1u - workgroup_of_block) % workgroups_per_block;
-    for (; y < end_y; y += workgroups_per_block) { // model: 2 times
+    for (; y < end_y; y += workgroups_per_block) {
         let centre_y = centres[width + y];
-        for (var x = begin_x; x < end_x; x++) { // model: 2 times
+        for (var x = begin_x; x < end_x; x++) {
             let centre = vec2i(centres[x], centre_y);
             let above = is_left(o, far, centre);
             let middle = select(right, up, above);

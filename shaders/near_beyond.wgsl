@@ -10,7 +10,7 @@ struct NearNode {
 /// Node n of block b, from (-2, -2) to (17, 17): from the patch, or from the state one node beyond its halo.
 fn near_node(b: u32, n: vec2i) -> NearNode {
     let w = n + 1;
-    if all(w >= vec2i(0)) && all(w < vec2i(18)) { // model: 1 times, else beyond_patch times
+    if all(w >= vec2i(0)) && all(w < vec2i(18)) {
         let at = place(u32(w.x), u32(w.y));
         return NearNode(patch_u[at], patch_value[at].xyz, triangle_of(patch_tag[at]));
     }

@@ -15,7 +15,7 @@ fn pyramid_gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     }
     let node = b * NODES + t;
     var sum = vec3f();
-    for (var k = starts[node]; k < starts[node + 1u]; k++) { // model: 6 times
+    for (var k = starts[node]; k < starts[node + 1u]; k++) {
         let p = triangles[entries[k].x].pose;
         let x = vec3f(p[3], p[4], p[5]);
         let y = vec3f(p[6], p[7], p[8]);

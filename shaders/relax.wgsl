@@ -108,7 +108,7 @@ fn step_node(b: u32, n: vec2u, t: u32, floor: f32, fraction: f32) {
     delta *= fraction;
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     // The second trial takes half of the step.
-    for (var trial = 0u; trial < 2u; trial++) { // model: 1 times
+    for (var trial = 0u; trial < 2u; trial++) {
         let u = p.u + delta;
         var found = Sample(false, vec3f(), NONE);
         var of_thread = 0.0;
@@ -145,7 +145,6 @@ fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t
         return;
     }
     load_patch(b, t);
-    // model: near
     let floor = charts[blocks[b].chart].length_floor * params.scale;
     // After a partial correction, sweeps take the same fraction of their steps, so that both fade in together.
     let fraction = select(1.0, charts[blocks[b].chart].fraction, params.mode == RELAX_FRACTION);

@@ -27,8 +27,7 @@ identity - best E), with the best E of seven corrections that go on to the last 
 ";
 
 /// The table of all models and sizes, followed by the kernels of some of the models at each size, and of drafts and the
-/// paper's solver of one. The model in `benches/gpu_model` takes its dispatches from there. Tiles of an asset are
-/// solved together.
+/// paper's solver of one. Tiles of an asset are solved together.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     let mut text = String::from(HEAD);
     let mut kernels = String::new();

@@ -9,8 +9,8 @@ fn arrived(b: u32, n: vec2i) -> vec2f {
     // The finer blocks next to the node's own block contribute to the outermost nodes of its quarter.
     let low = select(vec2i(0), vec2i(-1), local == vec2i(0));
     let high = select(vec2i(0), vec2i(1), local == vec2i(7));
-    for (var y = low.y; y <= high.y; y++) { // model: 2 times
-        for (var x = low.x; x <= high.x; x++) { // model: 2 times
+    for (var y = low.y; y <= high.y; y++) {
+        for (var x = low.x; x <= high.x; x++) {
             let side = vec2i(x, y);
             let at = quarter + side + 2;
             let block = at / 2;

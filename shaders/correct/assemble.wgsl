@@ -123,7 +123,6 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
         return;
     }
     load_patch(b, s);
-    // model: near
     load_slopes(b, s);
     let n = node_at(s);
     let at = row_index(b, 0u, s);

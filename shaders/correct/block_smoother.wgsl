@@ -54,8 +54,8 @@ fn sweep_block(row: NodeRow, right: vec2f, t: u32, sweeps: u32, backwards: bool)
     let at = place_of_slot(t);
     let inverse = inverse_of(row.diagonal);
     let turn = select(t / 64u, 3u - t / 64u, backwards);
-    for (var step = 0u; step < 4u * sweeps; step++) { // model: 4 * params.sweeps times
-        if (step & 3u) == turn { // model: 1 times in 1 of 4 warps
+    for (var step = 0u; step < 4u * sweeps; step++) {
+        if (step & 3u) == turn {
             window_z[at] = diagonal_times(inverse, right - row_times(row, at));
         }
         workgroupBarrier();

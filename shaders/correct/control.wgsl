@@ -13,7 +13,7 @@ fn total(c: u32, t: u32, first: u32, certificate: bool) -> vec4f {
     let range = ranges[params.level * params.items + c];
     let none = select(vec4f(), vec4f(0.0, INVALID_ENERGY, 0.0, 0.0), certificate);
     var sum = none;
-    for (var k = t; k < range.y; k += 256u) { // model: 2 times
+    for (var k = t; k < range.y; k += 256u) {
         let at = range.x + k;
         let part = vec4f(
             partials[sum_index(first, at)], partials[sum_index(first + 1u, at)], partials[sum_index(first + 2u, at)],

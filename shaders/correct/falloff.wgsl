@@ -28,7 +28,7 @@ fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     let slope = min(FRACTION_FALLOFF, STEP_FALLOFF / max(longest, STEP_FALLOFF));
     let plane = FRACTION + (round & 1u);
     var low = 1.0;
-    loop { // model: 8 times
+    loop {
         for (var place = 0u; place < 16u; place++) {
             let at = vector_index(b, plane, line_slot(place, t));
             low = min(vectors[at], low + slope);
@@ -41,7 +41,7 @@ fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         b = next;
     }
     low = 1.0;
-    loop { // model: 8 times
+    loop {
         for (var place = 16u; place > 0u; place--) {
             let at = vector_index(b, plane, line_slot(place - 1u, t));
             low = min(vectors[at], low + slope);

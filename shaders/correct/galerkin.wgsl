@@ -109,7 +109,7 @@ struct RowSums {
 /// above it. The lower one of the two rows owns the pairs between them: `owner` is its line.
 fn add_row(sums: ptr<function, RowSums>, owner: Line, up: i32, low: f32, own: f32, high: f32) {
     let at = owner.at;
-    if up == 0 { // model: 1.0 / 3 times
+    if up == 0 {
         let to_east_0 = pair_at(at.x, 0u);
         let to_east_1 = pair_at(at.y, 0u);
         let to_east_2 = pair_at(at.z, 0u);
@@ -119,7 +119,7 @@ fn add_row(sums: ptr<function, RowSums>, owner: Line, up: i32, low: f32, own: f3
         (*sums).c += low * to_east_1 + own * diagonal_at(at.z) + high * to_east_2.xzyw;
         (*sums).d += own * to_east_2 + high * diagonal_at(at.w);
         (*sums).e += high * to_east_3;
-    } else if up > 0 { // model: 1.0 / 3 times, else 1.0 / 3 times
+    } else if up > 0 {
         (*sums).a += low * pair_at(at.y, 3u);
         (*sums).b += low * pair_at(at.y, 1u) + own * pair_at(at.z, 3u);
         (*sums).c += low * pair_at(at.y, 2u) + own * pair_at(at.z, 1u) + high * pair_at(at.w, 3u);
@@ -168,7 +168,6 @@ fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     }
     load_holders(b, s);
     load_weights(s);
-    // model: near
     let n = node_at(s);
     let quarter = n.y / 8u * 2u + n.x / 8u;
     let is_movable = !is_fixed(b, s) && blocks[b].children[quarter] != NONE;
@@ -184,7 +183,7 @@ fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
         // row.
         for (var gy = -2; gy < 3; gy++) {
             var sums = RowSums();
-            for (var fy = max(gy - 1, -1); fy < min(gy + 2, 2); fy++) { // model: 1.8 times
+            for (var fy = max(gy - 1, -1); fy < min(gy + 2, 2); fy++) {
                 let in_y = part_of_node(fy, weight_at(first + vec2i(0, fy)));
                 let low = in_y * (1.0 - weight_at(first + vec2i(-1, fy)));
                 let high = in_y * weight_at(first + vec2i(1, fy));

@@ -14,7 +14,7 @@ var<workgroup> working: array<u32, 64>;
 @compute @workgroup_size(64)
 fn gate(@builtin(local_invocation_index) t: u32) {
     var any = 0u;
-    for (var c = t; c < params.items; c += 64u) { // model: 1 times
+    for (var c = t; c < params.items; c += 64u) {
         any |= select(0u, charts[c].working, atomicLoad(&charts[c].limit_rounds) >= params.mode);
     }
     working[t] = any;
@@ -26,7 +26,7 @@ fn gate(@builtin(local_invocation_index) t: u32) {
         workgroupBarrier();
     }
     let open = working[0];
-    for (var k = t; k < params.count; k += 64u) { // model: 1 times
+    for (var k = t; k < params.count; k += 64u) {
         let size = dispatch_sizes[k] * open;
         let at = 4u * (params.first + k);
         indirect_arguments[at] = min(size, SPREAD);

@@ -23,7 +23,7 @@ fn multigrid_coarsest(@builtin(workgroup_id) group: vec3u, @builtin(local_invoca
         chart_range = select(vec2u(), ranges[params.level * params.items + c], charts[c].working == 1u);
     }
     let range = workgroupUniformLoad(&chart_range);
-    for (var k = 0u; k < range.y; k++) { // model: 1 times
+    for (var k = 0u; k < range.y; k++) {
         let b = lists[params.first + range.x + k];
         let right = select(arrived(b, vec2i(node_at(t))), vec2f(), is_fixed(b, t));
         set_vector(b, RESIDUAL, t, right);
@@ -31,7 +31,7 @@ fn multigrid_coarsest(@builtin(workgroup_id) group: vec3u, @builtin(local_invoca
         workgroupBarrier();
     }
     storageBarrier();
-    for (var k = 0u; k < range.y; k++) { // model: 1 times
+    for (var k = 0u; k < range.y; k++) {
         let b = lists[params.first + range.x + k];
         let row = load_row(b, t);
         load_window(b, t, SMOOTHED);

@@ -17,7 +17,7 @@ fn multiply(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     let list = firsts + features[2] + 1u;
     let end = features[firsts + feature + 1u];
     var sum = vec2f();
-    for (var k = features[firsts + feature] + t; k < end; k += 256u) { // model: 1 times
+    for (var k = features[firsts + feature] + t; k < end; k += 256u) {
         let piece = features[list + k];
         sum += vec2f(squares[piece], squares[pieces + piece]);
     }

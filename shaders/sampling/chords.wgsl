@@ -24,7 +24,7 @@ fn barycentrics(t: u32, node: vec2i, u: vec2f) -> vec3f {
 /// it takes more than WALK_STEPS steps.
 fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
     var t = start;
-    for (var step = 0u; step < WALK_STEPS; step++) { // model: 2 times
+    for (var step = 0u; step < WALK_STEPS; step++) {
         let l = barycentrics(t, node, u);
         var low = l.x;
         var corner = 0u;
@@ -40,10 +40,10 @@ fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
             return t;
         }
         var next = triangles[t].neighbours[corner];
-        if next == NONE { // model: 0 times
+        if next == NONE {
             // The edge is a border: cross the edge opposite to another negative coordinate, if there is one. Rounding
             // may put a point just outside of the border.
-            for (var k = 0u; k < 3u && next == NONE; k++) { // model: 3 times
+            for (var k = 0u; k < 3u && next == NONE; k++) {
                 let other = select(select(l.x, l.y, k == 1u), l.z, k == 2u);
                 if k != corner && other < -INSIDE_TOLERANCE {
                     next = triangles[t].neighbours[k];
@@ -90,7 +90,7 @@ fn nearest(b: u32, node: vec2i, u: vec2f) -> u32 {
 /// was found.
 fn locate_in_chart(b: u32, node: vec2i, u: vec2f, start: u32) -> u32 {
     let t = locate(node, u, start);
-    if t == NONE { // model: 0 times
+    if t == NONE {
         // The walk ended at a border or took too many steps: walk again from the triangle under the node nearest to
         // W(p).
         let nearest_triangle = nearest(b, node, u);
