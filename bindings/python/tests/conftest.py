@@ -28,7 +28,7 @@ def refused(kind: type | tuple, words: str, function: Callable, *arguments: obje
         function(*arguments, **named)
 
 
-def until(done: Callable[[], bool], seconds: float = 40) -> None:
+def until(done: Callable[[], bool], seconds: float = 400) -> None:
     """Waits for something that comes, be the machine ever so busy."""
     end = time.monotonic() + seconds
     while not done():
