@@ -21,6 +21,7 @@ import pytest
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[2]
 FOLDER = Path(tempfile.mkdtemp(prefix="vrtm-blender-"))
+STATUS = 1
 
 INSTALL = """
 import sys
@@ -62,5 +63,15 @@ def pytest_configure() -> None:
     run("the extension cannot be installed", "-c", INSTALL, str(archive))
 
 
+def pytest_sessionfinish(exitstatus: int) -> None:
+    global STATUS
+    STATUS = int(exitstatus)
+
+
 def pytest_unconfigure() -> None:
     shutil.rmtree(FOLDER, ignore_errors=True)
+    blender = sys.modules.get("bpy")
+    if blender is not None and blender.app.version < (4, 5, 0):
+        # As a module, Blender 4.2 crashes at its end once it has unregistered properties with update functions.
+        sys.stdout.flush()
+        os._exit(STATUS)
