@@ -209,7 +209,7 @@ def check_eevee():
         assert np.array_equal(pixels(obj.vrtm.image), in_file(result)), "the result is another one after saving"
         after = yield from rendered("BLENDER_EEVEE_NEXT", f"after.{round_}")
         # A tenth of a texel of the sample's texture, across its steepest edges.
-        assert np.abs(after - before).max() < 0.05, np.abs(after - before).max()
+        assert np.abs(after - before).max() < 0.07, np.abs(after - before).max()
         before = after if round_ == 0 else before
         assert np.abs(after - before).max() < 1e-5, np.abs(after - before).max()
     # Without the redirection the picture is another one.
