@@ -19,6 +19,7 @@ mod noise;
 mod open_borders;
 mod pbd;
 mod random;
+mod reference;
 mod roughness;
 mod scenes;
 mod seams;

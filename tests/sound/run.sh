@@ -78,7 +78,7 @@ tests() { # OPTION...
     read -r good bad left < <(sed -n "$counts" "$folder/output"; echo 0 1 0)
     passed=$((passed + good)) failed=$((failed + bad)) ignored=$((ignored + left))
 }
-tests --package vrtm-core --lib -- "${of_core[@]}" "$@"
+tests --package vrtm-core-tests -- "${of_core[@]}" "$@"
 tests --package vrtm-capi --lib -- "$@"
 tests "${programs[@]}" --test sound -- --show-output --skip controls:: "$@"
 

@@ -6,12 +6,12 @@
 
 use std::sync::atomic::AtomicU8;
 
-mod current;
-mod emergency;
-mod global;
-mod host;
+pub mod current;
+pub mod emergency;
+pub mod global;
+pub mod host;
 #[expect(clippy::disallowed_types, reason = "made of it")]
-mod vec;
+pub mod vec;
 
 pub use current::Current;
 pub use global::{Allocator, is_installed};
@@ -91,6 +91,3 @@ pub fn make_room_in<K: Eq + std::hash::Hash, V, S: std::hash::BuildHasher>(
 ) {
     vec::make_room::<(K, V)>(table.len().saturating_add(count), || table.try_reserve(count));
 }
-
-#[cfg(test)]
-mod tests;

@@ -3,27 +3,27 @@
 //! survey finds the nodes that may move; everything else is then computed for their blocks alone.
 
 pub mod squares;
-mod cover;
-mod keep;
+pub mod cover;
+pub mod keep;
 mod rigidity;
 mod rigid_levels;
 pub mod square_nodes;
-mod vertex_mask;
+pub mod vertex_mask;
 pub mod survey;
 pub mod build;
 pub mod repaint;
 pub mod saved;
 pub mod planes;
-mod node_set;
+pub mod node_set;
 pub mod blocks;
 pub mod codes;
 pub mod coverage;
 pub mod density;
 pub mod fill;
-mod gather;
+pub mod gather;
 pub mod window;
 pub mod features;
-mod labels;
+pub mod labels;
 pub mod interpolation;
 mod joined;
 pub mod maps;

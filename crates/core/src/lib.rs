@@ -6,7 +6,7 @@
 
 #![allow(missing_docs, reason = "documented for users where `vrtm` hands it on")]
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
-#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
+#![warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types)]
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 pub mod line;
@@ -34,8 +34,3 @@ pub mod strain;
 #[doc(hidden)]
 #[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "no call of a host comes here")]
 pub mod fixtures;
-
-/// The unit tests run in the memory of the library's own allocator.
-#[cfg(test)]
-#[global_allocator]
-static ALLOCATOR: allocation::Allocator = allocation::Allocator;

@@ -33,15 +33,3 @@ pub use native::{try_with, with};
 mod windows_gnu;
 #[cfg(all(windows, target_env = "gnu", not(target_abi = "llvm")))]
 pub use windows_gnu::{try_with, with};
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_thread_has_its_own_and_keeps_it() {
-        assert!(!with(|local| local.lent.replace(true)));
-        std::thread::spawn(|| assert!(!with(|local| local.lent.replace(true)))).join().unwrap();
-        assert_eq!(try_with(|local| local.lent.replace(false)), Some(true));
-    }
-}

@@ -3,14 +3,14 @@
 mod build;
 mod charts;
 mod check;
-mod gaps;
+pub mod gaps;
 pub mod hash;
 mod layers;
 pub mod overlaps;
 mod read;
-mod source;
+pub mod source;
 pub mod triangle;
-mod weld;
+pub mod weld;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -310,7 +310,7 @@ pub struct Mesh {
 }
 
 /// A triangle before its tile is built.
-struct RawTriangle {
+pub struct RawTriangle {
     /// Face corners of the mesh.
     corners: [u32; 3],
     /// Vertices of the mesh.
@@ -360,6 +360,3 @@ impl Mesh {
         self.faces[f] as usize..self.faces[f + 1] as usize
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -6,7 +6,7 @@
 //! triangles exactly.
 
 pub mod exact;
-mod features;
+pub mod features;
 
 use glam::{DVec2, DVec3};
 
@@ -20,7 +20,7 @@ use crate::strain::features::Features;
 
 /// Edges with an end this near to a chart's border (in cells, along the axis of the greater distance) count as border
 /// edges.
-const BORDER: usize = 10;
+pub const BORDER: usize = 10;
 /// An edge whose |strain| rises by more than this counts as harmed.
 const HARM: f64 = 0.25;
 /// An edge whose |strain| falls by more than this counts as helped.
@@ -203,7 +203,7 @@ fn statistics(values: &mut [f64], places: &[Place]) -> Strain {
 
 /// Per node, true if a node within `BORDER` nodes along both axes is outside of every chart. (Such a node always lies
 /// between the interiors of two charts.) Computed along rows first, then along columns.
-fn near_border(maps: &NodeMaps) -> Vec<bool> {
+pub fn near_border(maps: &NodeMaps) -> Vec<bool> {
     let (width, height) = (maps.nx + 1, maps.ny + 1);
     let mut near: Vec<bool> = maps.interior.iter().map(|inside| !inside).collect();
     let mut line = Vec::new();
@@ -237,6 +237,3 @@ fn distance(a: DVec3, b: DVec3) -> f64 {
     let largest = d.to_array().into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     if largest == 0.0 { 0.0 } else { largest * (d / largest).length() }
 }
-
-#[cfg(test)]
-mod tests;

@@ -13,11 +13,9 @@ use crate::control::{Control, is_lent, lent};
 pub use executor::{Executor, Task};
 use protocol::Protocol;
 
-mod executor;
-mod protocol;
+pub mod executor;
+pub mod protocol;
 mod sync;
-#[cfg(test)]
-mod tests;
 pub mod threads;
 
 /// The threads that a call works on, their number, and the caller's control over the call.

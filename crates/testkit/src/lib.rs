@@ -19,6 +19,7 @@ pub mod model;
 pub mod files;
 pub mod gpu;
 pub mod warp;
+pub mod refined;
 pub mod motion;
 pub mod roughness;
 pub mod sixteen;

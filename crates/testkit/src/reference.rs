@@ -5,12 +5,12 @@
 //! A warp is stored for all nodes: node (i, j) of the tile's (nx + 1) x (ny + 1) nodes has the index
 //! `j * (nx + 1) + i`, and displacements are in cells.
 
-mod chart;
-mod energy;
-mod law;
-mod linear;
+pub mod chart;
+pub mod energy;
+pub mod law;
+pub mod linear;
 pub mod minimise;
-mod step;
+pub mod step;
 
 use glam::DVec2;
 
@@ -44,13 +44,13 @@ pub struct Minimum {
 
 /// A tile with its maps and a pose.
 pub struct Problem<'a> {
-    nx: usize,
-    ny: usize,
+    pub nx: usize,
+    pub ny: usize,
     mesh: &'a Mesh,
     tile: &'a TileMesh,
-    locator: Locator,
+    pub locator: Locator,
     /// Per chart with movable nodes, its problem.
-    charts: Vec<Option<ChartProblem>>,
+    pub charts: Vec<Option<ChartProblem>>,
     pose: &'a [[f64; 3]],
 }
 
@@ -132,12 +132,12 @@ impl<'a> Problem<'a> {
     }
 
     /// The surface with the metric (1 - t) G_rest + t G_pose.
-    fn surface(&self, t: f64) -> Surface<DIM> {
+    pub fn surface(&self, t: f64) -> Surface<DIM> {
         Surface::new(self.tile, &self.locator, |v| mix(self.mesh.rest[v], self.pose[v], t))
     }
 
     /// The displacements of a warp in a chart's rectangle; 0 at nodes that are fixed.
-    fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<DVec2> {
+    pub fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<DVec2> {
         let at = |n: usize| {
             let [i, j] = chart.node(n);
             DVec2::from(u[j * (self.nx + 1) + i])
@@ -151,6 +151,3 @@ fn mix(rest: [f64; 3], pose: [f64; 3], t: f64) -> [f64; DIM] {
     let (r, p) = ((1.0 - t).sqrt(), t.sqrt());
     [r * rest[0], r * rest[1], r * rest[2], p * pose[0], p * pose[1], p * pose[2]]
 }
-
-#[cfg(test)]
-pub mod tests;

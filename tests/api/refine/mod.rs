@@ -1,13 +1,9 @@
 //! Refined meshes: no cracks, a pattern that adds up, and corner UVs that keep the tolerance everywhere, checked
 //! against the redirection maps by code that shares nothing with the library.
 
-mod refined;
-mod strain;
-mod truth;
-
-use refined::Refined;
 use vrtm::{Asset, ErrorKind, RefinementPattern, RefinementSettings, SolveOptions, Strided};
-use vrtm_testkit::{self, Model};
+use vrtm_testkit::Model;
+use vrtm_testkit::refined::{Refined, strain, truth};
 
 /// Room for the rounding of maps and corner UVs, f32 both, in UV.
 const ROUNDING: f64 = 1e-6;

@@ -43,7 +43,7 @@ impl Drop for Scope {
 }
 
 /// While it lives, an allocation of this thread may fail.
-pub(super) struct Fallible(bool);
+pub struct Fallible(bool);
 
 impl Fallible {
     #[inline]

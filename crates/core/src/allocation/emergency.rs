@@ -87,7 +87,6 @@ pub unsafe fn free(block: *mut u8, size: usize) {
 }
 
 /// Number of units taken.
-#[cfg(test)]
 pub fn taken() -> usize {
     with_units(|units| units.iter().filter(|taken| **taken).count())
 }

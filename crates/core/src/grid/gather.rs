@@ -19,7 +19,7 @@ pub struct Gather {
 }
 
 /// Side of a dual cell of level 1, in cells of level 0.
-const DUAL_SIDE: f64 = 2.0;
+pub const DUAL_SIDE: f64 = 2.0;
 /// Blocks per round. The entries of a round are found before they are appended, so that they are held twice meanwhile.
 const ROUND: usize = 1024;
 
@@ -145,7 +145,7 @@ fn triangles(coverer: &Coverer, block: &Block) -> Vec<u32> {
 }
 
 /// Calls `f` for each node of a block whose dual cell meets the triangle's bounding box, on a level of `size` cells.
-fn each_dual_cell(corners: [DVec2; 3], block: &Block, size: [usize; 2], mut f: impl FnMut(usize, usize)) {
+pub fn each_dual_cell(corners: [DVec2; 3], block: &Block, size: [usize; 2], mut f: impl FnMut(usize, usize)) {
     let range = |axis: usize, place: u32| {
         let values = corners.map(|c| c[axis]);
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -185,7 +185,7 @@ impl Polygon {
 }
 
 /// Area of a triangle inside the box of side 2 whose lower corner is `low`, by Sutherland-Hodgman clipping.
-fn area_in_box(corners: [DVec2; 3], low: DVec2) -> f64 {
+pub fn area_in_box(corners: [DVec2; 3], low: DVec2) -> f64 {
     let mut polygon = Polygon { corners: [DVec2::ZERO; CORNERS], count: 0 };
     corners.into_iter().for_each(|corner| polygon.add(corner));
     for (axis, sign, bound) in
@@ -214,24 +214,4 @@ fn area_in_box(corners: [DVec2; 3], low: DVec2) -> f64 {
         })
         .sum();
     0.5 * twice.abs()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn clipped_areas_add_up_to_the_triangle() {
-        let corners = [[1.3, 2.1], [9.7, 3.2], [4.4, 11.9]].map(DVec2::from);
-        let mut sum = 0.0;
-        let block = Block { chart: 0, x: 0, y: 0, active: true };
-        each_dual_cell(corners, &block, [10, 10], |i, j| {
-            sum += area_in_box(corners, DUAL_SIDE * DVec2::new(i as f64, j as f64) - 1.0);
-        });
-        let exact: f64 = 0.5 * (8.4 * 9.8 - 1.1 * 3.1);
-        assert!((sum - exact).abs() < 1e-9, "{sum} {exact}");
-        let half_square = |side: f64| [DVec2::ZERO, side * DVec2::X, side * DVec2::Y];
-        assert_eq!(area_in_box(half_square(20.0), DVec2::splat(1.0)), 4.0);
-        assert_eq!(area_in_box(half_square(1.0), DVec2::splat(5.0)), 0.0);
-    }
 }

@@ -122,32 +122,32 @@ const NORTH_WEST: usize = 3;
 /// A number at the even or the odd columns of a row of a patch.
 type Row = [f32; COLUMNS];
 /// Even columns of a patch; there is one odd column less.
-const COLUMNS: usize = PATCH / 2 + 1;
+pub const COLUMNS: usize = PATCH / 2 + 1;
 /// One quantity on a patch, at even or odd columns.
 type Half<T = Row> = [T; PATCH];
 
 /// The even columns of the coarser level's block, and those whose stiffness on even columns and all rows it follows
 /// from.
-const OWN: std::ops::Range<usize> = MARGIN / 2..MARGIN / 2 + SIDE;
+pub const OWN: std::ops::Range<usize> = MARGIN / 2..MARGIN / 2 + SIDE;
 const AROUND: std::ops::Range<usize> = OWN.start - 2..OWN.end + 2;
 /// The rows of these, and those whose weights and edges they follow from.
 const ROWS: std::ops::Range<usize> = MARGIN - 2..MARGIN + 2 * SIDE;
 
 /// The scalar model on a patch: the stiffness of the edges `EDGES` of each node.
-struct Model {
+pub struct Model {
     /// At even and odd columns, per direction.
-    edges: [[Half; 4]; 2],
+    pub edges: [[Half; 4]; 2],
     /// Rigidity, and 1 for nodes that may move, at even and odd columns.
-    rigidity: [Half; 2],
-    movable: [Half; 2],
+    pub rigidity: [Half; 2],
+    pub movable: [Half; 2],
     /// A weight belongs to a node's lower neighbour: the western one at odd columns, the southern one at even columns
     /// and odd rows. The upper neighbour has the remaining weight.
-    west: Half,
-    south: Half,
+    pub west: Half,
+    pub south: Half,
     /// The Galerkin product on even columns and all rows.
-    halfway: [Half; 4],
+    pub halfway: [Half; 4],
     /// The stiffness on even columns and even rows.
-    coarser: [[Row; COLUMNS]; 4],
+    pub coarser: [[Row; COLUMNS]; 4],
 }
 
 // SAFETY: arrays of numbers.
@@ -228,7 +228,7 @@ impl Model {
     }
 
     /// The model on level 0: half of the trace of the 2x2 block between two nodes, at rest.
-    fn at_rest(&mut self, settings: &TileSettings) {
+    pub fn at_rest(&mut self, settings: &TileSettings) {
         let Model { edges: [even, odd], rigidity, movable, .. } = self;
         let (smoothness, floor) = (settings.smoothness, settings.smoothness_floor);
         for j in ROWS.start - 1..=ROWS.end {
@@ -255,7 +255,7 @@ impl Model {
     }
 
     /// Computes the weights and the model on the coarser level.
-    fn collapse(&mut self) {
+    pub fn collapse(&mut self) {
         for j in ROWS.start..=ROWS.end {
             self.weigh_x(j);
         }
@@ -415,6 +415,3 @@ fn lower_weight(lower: [f32; 3], upper: [f32; 3]) -> f32 {
     let [lower, upper] = [lower, upper].map(|edges| edges.into_iter().map(|s| s.max(0.0)).sum::<f32>());
     if lower + upper > 0.0 { lower / (lower + upper) } else { HALF }
 }
-
-#[cfg(test)]
-mod tests;

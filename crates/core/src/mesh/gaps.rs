@@ -83,7 +83,7 @@ pub(super) fn find(
 }
 
 /// True if two UVs differ as much as UVs at a gap, and by more than one step of half floats, if they are such.
-fn are_apart(a: DVec2, b: DVec2) -> bool {
+pub fn are_apart(a: DVec2, b: DVec2) -> bool {
     (0..2).any(|c| (a[c] - b[c]).abs() > NARROWEST && !are_adjacent_halves(a[c], b[c]))
 }
 
@@ -94,21 +94,4 @@ fn are_adjacent_halves(a: f64, b: f64) -> bool {
         p.to_f64() == a && q.to_f64() == b && i32::from(p.to_bits()).abs_diff(i32::from(q.to_bits())) == 1
     };
     adjacent(a, b) || adjacent(1.0 - a, 1.0 - b)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rounding_is_no_gap() {
-        let apart = |a: f64, b: f64| are_apart(DVec2::new(a, 0.3), DVec2::new(b, 0.3));
-        assert!(!apart(0.7, 0.7 + 1.0 / 65535.0));
-        assert!(apart(0.7, 0.7 + 1.0 / 4096.0));
-        // Half floats, and 1 minus half floats.
-        let half = |x: f64| f16::from_f64(x).to_f64();
-        assert!(!apart(half(0.7), half(0.7) + 1.0 / 2048.0));
-        assert!(!apart(1.0 - half(0.2), 1.0 - half(0.2) - 1.0 / 8192.0));
-        assert!(apart(half(0.3), half(0.3) + 2.0 / 4096.0));
-    }
 }

@@ -21,7 +21,7 @@ const LOOKED_AT: usize = 16;
 /// `tolerance` is a length. For each vertex it is limited to a quarter of its shortest edge (`shortest`), so that the
 /// ends of an edge stay apart. Vertices with edges shorter than half of the tolerance are welded to equal ones only:
 /// any number of them may lie within the tolerance.
-pub(super) fn places(
+pub fn places(
     rest: &[[f64; 3]],
     shortest: &[f64],
     tolerance: f64,

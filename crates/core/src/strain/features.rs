@@ -49,7 +49,7 @@ struct Feature {
 }
 
 /// Nodes, joined by their edges to features.
-pub(super) struct Features {
+pub struct Features {
     /// Per node, a node before it in the same feature, or itself.
     parents: Vec<u32>,
     sums: Vec<Sums>,

@@ -83,7 +83,7 @@ impl<J: Copy> Protocol<J> {
         self.next.store(0, Ordering::Relaxed);
         *lock(&self.job) = Some((job, count));
         let state = self.state.load(Ordering::Relaxed);
-        debug_assert!(state & (OPEN | JOINED) == 0, "another job is running");
+        assert!(state & (OPEN | JOINED) == 0, "another job is running");
         // Either a helper has already set `SLEEPING` and is woken, or its attempt to set it fails and it sees that the
         // job is open.
         if self.state.swap((state / EPOCH + 1) * EPOCH + OPEN, Ordering::Release) & SLEEPING != 0 {

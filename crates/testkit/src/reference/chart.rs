@@ -15,13 +15,13 @@ use vrtm_core::strain::exact::{Locator, Surface};
 /// Number of dimensions in which chords are measured. Between rest and the pose the surface is (sqrt(1 - t) f_rest,
 /// sqrt(t) f_pose) in six dimensions: its metric is (1 - t) G_rest + t G_pose, which neither collapses half-way through
 /// a twist nor changes under a rigid motion, as blended positions would.
-pub(super) const DIM: usize = 6;
+pub const DIM: usize = 6;
 
 /// Floor of rest lengths, as a fraction of the smaller of two medians: those of the edges to the east and to the north.
 const FLOOR_FRACTION: f64 = 0.05;
 
 /// An edge (a, b) between two nodes that are neighbours among eight.
-pub(super) struct Edge {
+pub struct Edge {
     pub a: u32,
     pub b: u32,
     /// w: the larger rigidity of the two nodes.
@@ -53,7 +53,7 @@ impl Edge {
 
 /// A chart's problem. Its nodes are those of a rectangle: the bounding box of the movable nodes, and one node more on
 /// each side, so that the rim is fixed.
-pub(super) struct ChartProblem {
+pub struct ChartProblem {
     /// The rectangle's lower corner in the tile's grid.
     origin: [usize; 2],
     /// Cells of the rectangle along both axes.
@@ -242,7 +242,7 @@ impl ChartProblem {
 
 /// A corner of a cell (method §1, Corner Jacobians).
 #[derive(Clone, Copy)]
-pub(super) struct Corner {
+pub struct Corner {
     pub nodes: [usize; 3],
     sign: f64,
 }

@@ -14,13 +14,13 @@ use vrtm_core::strain::exact::{Locator, Surface};
 
 /// A node on the surface.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Sample {
+pub struct Sample {
     pub triangle: u32,
     pub position: [f64; DIM],
 }
 
 /// The surface on which lengths are measured, with its point location.
-pub(super) struct Shape<'a> {
+pub struct Shape<'a> {
     pub locator: &'a Locator,
     pub surface: &'a Surface<DIM>,
 }

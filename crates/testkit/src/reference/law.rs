@@ -10,7 +10,7 @@ pub(super) const BARRIER_WIDTH: f64 = 0.1;
 
 /// The room term as a function of a corner Jacobian, with the barrier that is added during the minimisation.
 #[derive(Clone, Copy)]
-pub(super) struct Law {
+pub struct Law {
     room: f64,
     threshold: f64,
     /// Strength μ of the barrier; 0 for E itself.

@@ -10,7 +10,7 @@ pub(super) type Block = [f64; 4];
 pub(super) type Stencil = [Block; 9];
 
 /// m v.
-pub(super) fn times(m: &Block, v: DVec2) -> DVec2 {
+pub fn times(m: &Block, v: DVec2) -> DVec2 {
     DVec2::new(m[0] * v.x + m[1] * v.y, m[2] * v.x + m[3] * v.y)
 }
 
@@ -32,7 +32,7 @@ struct Level {
 
 /// The levels of one chart's grid. A coarse node may move if all 3x3 finer nodes around it may (the paper's eq. 8), so
 /// that bilinear interpolation never moves a fixed node.
-pub(super) struct Multigrid {
+pub struct Multigrid {
     levels: Vec<Level>,
     /// Per finer level, for each of its nodes: up to four coarser nodes with their weights.
     parents: Vec<Vec<[(u32, f64); 4]>>,
@@ -205,7 +205,7 @@ fn product(finer: &Level, parents: &[[(u32, f64); 4]], coarser: &mut Level) {
 }
 
 /// Node `k` of the 3x3 nodes around node `n`.
-pub(super) fn neighbour(n: usize, k: usize, width: usize) -> usize {
+pub fn neighbour(n: usize, k: usize, width: usize) -> usize {
     n + (k / 3) * width + k % 3 - width - 1
 }
 

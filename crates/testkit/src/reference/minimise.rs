@@ -36,7 +36,7 @@ impl Default for Options {
 }
 
 /// The result of the minimisation of one chart.
-pub(super) struct Descent {
+pub struct Descent {
     pub u: Vec<DVec2>,
     pub energy: f64,
     /// Norm of the (projected) gradient at the end and at the identity.
@@ -55,7 +55,7 @@ const FIRST_BARRIER: f64 = 1e-3;
 const LAST_BARRIER: f64 = 1.1e-6;
 
 /// The minimisation of one chart.
-pub(super) struct Minimiser<'a> {
+pub struct Minimiser<'a> {
     pub chart: ChartProblem,
     pub locator: &'a Locator,
     /// The surface with the metric (1 - t) G_rest + t G_pose, as a function of t.

@@ -12,7 +12,7 @@ use super::linear::{inverse, times};
 const MAX_APPROACH: f64 = 0.9;
 
 /// A warp during the minimisation, with its samples and energy.
-pub(super) struct State {
+pub struct State {
     pub u: Vec<DVec2>,
     pub samples: Vec<Sample>,
     pub energy: f64,

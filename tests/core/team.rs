@@ -4,10 +4,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use super::*;
-
-use crate::allocation::vec;
-use crate::clock::Instant;
+use vrtm_core::allocation::vec;
+use vrtm_core::clock::Instant;
+use vrtm_core::team::*;
 
 #[test]
 fn results_are_in_the_order_of_the_items() {
@@ -144,7 +143,7 @@ fn jobs(team: &Team, random: &mut Random) {
         }
     }
     let total = AtomicUsize::new(0);
-    meet(team, team.threads, |worker| {
+    meet(team, team.threads(), |worker| {
         total.fetch_add(sums.with(worker, |sum| *sum), Ordering::Relaxed);
     });
     assert_eq!(total.load(Ordering::Relaxed), expected);
@@ -155,8 +154,8 @@ fn threads_start_when_a_job_needs_them() {
     let started = AtomicUsize::new(0);
     let help = |_| _ = started.fetch_add(1, Ordering::Relaxed);
     // Both return when the helpers, if any, have ended.
-    super::threads::with(1..4, help, |_| ());
+    vrtm_core::team::threads::with(1..4, help, |_| ());
     assert_eq!(started.load(Ordering::Relaxed), 0);
-    super::threads::with(1..4, help, |start| start());
+    vrtm_core::team::threads::with(1..4, help, |start| start());
     assert_eq!(started.load(Ordering::Relaxed), 3);
 }

@@ -1,7 +1,10 @@
 //! Tests of the model and of its weights.
 
-use super::*;
-use crate::allocation::Vec;
+use vrtm_core::allocation::Vec;
+use vrtm_core::allocation::zeroed_box;
+use vrtm_core::grid::interpolation::*;
+use vrtm_core::grid::planes::EDGES;
+use vrtm_core::settings::TileSettings;
 
 /// A model with a stiffness of the edges of each node (column, row) of a patch.
 fn model(stiffness: impl Fn(usize, usize, usize) -> f32) -> Box<Model> {

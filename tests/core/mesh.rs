@@ -1,7 +1,11 @@
-use super::*;
-use crate::allocation::{Vec, vec};
-use crate::error::Result;
-use crate::view::Strided;
+mod gaps;
+mod overlaps;
+
+use glam::DVec2;
+use vrtm_core::allocation::{Vec, vec};
+use vrtm_core::error::Result;
+use vrtm_core::mesh::*;
+use vrtm_core::view::Strided;
 
 /// A row of `n` unit quads of UV size `size`, beginning at `origin`.
 fn strip(n: u32, origin: [f32; 2], size: f32) -> (Vec<[f32; 3]>, Vec<u32>, Vec<f32>) {

@@ -1,10 +1,13 @@
 //! A refined mesh as a host fetches it, and checks of it that share no code with the library.
 
+pub mod strain;
+pub mod truth;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use vrtm::{Asset, Refinement, RefinementPattern};
 
-use vrtm_testkit::Model;
+use crate::Model;
 
 /// All that a refinement hands out.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,7 +55,7 @@ impl Refined {
 
     /// The corners of each face.
     pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        vrtm_testkit::faces(&self.face_counts)
+        crate::faces(&self.face_counts)
     }
 
     /// Positions of all vertices, from those of the mesh.
@@ -203,7 +206,7 @@ impl Refined {
 
     /// Corners of the mesh have the redirected UVs that the asset tells.
     pub fn check_corners(&self, model: &Model, asset: &Asset) {
-        let own = vrtm_testkit::corner_uvs(asset);
+        let own = crate::corner_uvs(asset);
         let mut seen = 0;
         for (c, weights) in self.corner_weights.iter().enumerate() {
             if weights[0] == 1.0 {
@@ -217,7 +220,7 @@ impl Refined {
 }
 
 /// Twice the signed area of a polygon.
-pub fn doubled_area(polygon: &[[f32; 2]]) -> f64 {
+fn doubled_area(polygon: &[[f32; 2]]) -> f64 {
     let p = |k: usize| polygon[k % polygon.len()].map(f64::from);
     let o = p(0);
     (0..polygon.len())

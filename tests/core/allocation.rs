@@ -1,14 +1,17 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::c_void;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
-
-use super::*;
-use crate::allocation::vec;
-use crate::error::{ErrorKind, Result};
-use crate::team::Team;
-use crate::unwind::{Stop, caught, why};
+use vrtm_core::allocation::current::Current;
+use vrtm_core::allocation::global::Allocator;
+use vrtm_core::allocation::host::HostAllocator;
+use vrtm_core::allocation::vec;
+use vrtm_core::allocation::vec::Vec;
+use vrtm_core::allocation::*;
+use vrtm_core::error::{ErrorKind, Result};
+use vrtm_core::team::Team;
+use vrtm_core::unwind::{Stop, caught, why};
 
 /// The size of the largest blocks. Miri looks at each byte by itself.
 const LARGEST: usize = if cfg!(miri) { 50_000 } else { 1 << 20 };

@@ -1,9 +1,15 @@
-use super::*;
-use crate::random::Random;
+//! The reference solver itself: its gradient, its linear solver, its minima.
+
 use vrtm_core::fixtures::{discs, maps, posed, sheet};
-use vrtm_core::mesh::{MeshSource, UvSource};
+use vrtm_core::grid::coverage::node_maps;
+use vrtm_core::grid::maps::TileMaps;
+use vrtm_core::mesh::{Mesh, MeshSource, UvSource};
 use vrtm_core::settings::TileSettings;
 use vrtm_core::view::{Scalar, Strided};
+use vrtm_testkit::random::Random;
+use vrtm_testkit::reference::energy::Shape;
+use vrtm_testkit::reference::minimise::Options;
+use vrtm_testkit::reference::*;
 
 /// Two sheets of 8 x 8 quads in one tile, with a gap between them.
 fn two_sheets() -> Mesh {

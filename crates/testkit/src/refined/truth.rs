@@ -2,8 +2,8 @@
 
 use vrtm::{Asset, FetchKind};
 
-use super::refined::Refined;
-use vrtm_testkit::{barycentric, cross};
+use super::Refined;
+use crate::{barycentric, cross};
 
 /// The largest error at the texel centres of maps of `size` x `size` texels, over all tiles and both ways to cut a quad
 /// into triangles, and the number of texels compared.
@@ -12,7 +12,7 @@ pub fn largest_error(asset: &mut Asset, refined: &Refined, size: usize) -> (f64,
     for tile in 0..asset.tile_count() {
         let udim = asset.tile_report(tile).unwrap().udim - 1001;
         let origin = [f64::from(udim % 10), f64::from(udim / 10)];
-        let map = vrtm_testkit::fetch(asset, tile, FetchKind::Redirection, [size as u32; 2]);
+        let map = crate::fetch(asset, tile, FetchKind::Redirection, [size as u32; 2]);
         for face in refined.faces().filter(|face| face.len() >= 3) {
             let polygon = || face.clone().map(|c| refined.uvs[c].map(f64::from));
             let centre = [0, 1].map(|k| polygon().map(|uv| uv[k]).sum::<f64>() / face.len() as f64);

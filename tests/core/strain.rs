@@ -1,7 +1,8 @@
-use super::*;
-use crate::fixtures::{discs, maps, posed, sheet};
-use crate::grid::coverage::node_maps;
-use crate::settings::TileSettings;
+use vrtm_core::fixtures::{discs, maps, posed, sheet};
+use vrtm_core::grid::coverage::node_maps;
+use vrtm_core::report::StrainReport;
+use vrtm_core::settings::TileSettings;
+use vrtm_core::strain::*;
 
 fn flat(u: f64, v: f64) -> [f64; 3] {
     [u, v, 0.0]

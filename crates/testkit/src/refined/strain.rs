@@ -5,9 +5,9 @@
 
 use vrtm::{Asset, RefinementSettings};
 
-use super::refined::Refined;
+use super::Refined;
 use super::truth::visit;
-use vrtm_testkit::{Model, Warp, barycentric};
+use crate::{Model, Warp, barycentric};
 
 /// Place in space and chart of each texel centre of the texture. `None` if nothing shows it.
 type Places = Vec<Option<([f64; 3], u32)>>;

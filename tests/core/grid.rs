@@ -1,0 +1,12 @@
+mod blocks;
+mod codes;
+mod cover;
+mod density;
+mod gather;
+mod interpolation;
+mod keep;
+mod labels;
+mod node_set;
+mod squares;
+mod vertex_mask;
+mod window;
