@@ -134,7 +134,7 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
     {
         // Must list everything that `fearless_simd` requires of AVX2, and AVX-512; otherwise its functions are called
         // instead of inlined.
-        #[cfg(not(debug_assertions))]
+        #[cfg(avx512)]
         #[target_feature(enable = "avx2,bmi1,bmi2,cmpxchg16b,f16c,fma,fxsr,lzcnt,movbe,popcnt,xsave")]
         #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
         fn avx512<K: Vectorised>(kernel: K) -> K::Output {
@@ -147,7 +147,7 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
         }
         match processor_level() {
             // SAFETY: the processor has this level.
-            #[cfg(not(debug_assertions))]
+            #[cfg(avx512)]
             ProcessorLevel::Avx512 => unsafe { avx512(kernel) },
             ProcessorLevel::Avx2 => token::<Avx2>().vectorize(
                 #[inline(always)]
@@ -179,8 +179,8 @@ pub enum ProcessorLevel {
     #[cfg(target_arch = "x86_64")]
     Avx2,
     /// Vectors of eight lanes as with AVX2, but 32 registers instead of 16: kernels are 8 % faster, since fewer values
-    /// are spilled. Only in optimised builds: kernels are half of what tests compile.
-    #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
+    /// are spilled. Only in release builds (build.rs).
+    #[cfg(all(target_arch = "x86_64", avx512))]
     Avx512,
 }
 
@@ -199,10 +199,10 @@ pub fn processor_level() -> ProcessorLevel {
 fn detected() -> ProcessorLevel {
     #[cfg(target_arch = "x86_64")]
     {
-        #[cfg(not(debug_assertions))]
+        #[cfg(avx512)]
         use std::arch::is_x86_feature_detected as has;
         if fearless_simd::Level::new().as_avx2().is_some() {
-            #[cfg(not(debug_assertions))]
+            #[cfg(avx512)]
             if has!("avx512f") && has!("avx512vl") && has!("avx512bw") && has!("avx512dq") {
                 return ProcessorLevel::Avx512;
             }
@@ -224,7 +224,7 @@ pub mod forced {
         ProcessorLevel::Baseline,
         #[cfg(target_arch = "x86_64")]
         ProcessorLevel::Avx2,
-        #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
+        #[cfg(all(target_arch = "x86_64", avx512))]
         ProcessorLevel::Avx512,
     ];
 

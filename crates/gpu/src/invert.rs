@@ -157,7 +157,7 @@ impl GpuOutput for Output {
         size: [usize; 2],
         read: &mut dyn FnMut(usize, &[[f32; 2]]),
     ) -> Result<()> {
-        debug_assert!(self.holds(size, PixelFormat::F32));
+        assert!(self.holds(size, PixelFormat::F32));
         let pipeline = self.context.pipeline(Kernel::Invert)?;
         let read = &mut |row: usize, bytes: &[u8]| read(row, bytemuck::cast_slice(bytes));
         self.run(pipeline, Displacements::of(u)?, size, None, read)
@@ -171,7 +171,7 @@ impl GpuOutput for Output {
         format: PixelFormat,
         read: &mut dyn FnMut(usize, &[u8]),
     ) -> Result<()> {
-        debug_assert!(self.holds(size, format));
+        assert!(self.holds(size, format));
         let u = Displacements::of(u)?;
         let level = &u.grid.levels[0];
         let values = Values { size, cells: [level.nx, level.ny], origin, format };

@@ -131,7 +131,7 @@ pub fn split(
                 return (largest(true), false);
             }
         }
-        debug_assert!(count > errors.len());
+        assert!(count > errors.len());
         splitter.split(&marks, &mut errors, UNKNOWN);
         if last {
             measure(team, splitter, results, uvs, &mut errors);

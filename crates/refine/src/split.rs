@@ -55,7 +55,7 @@ impl Source {
                     sum[count] = (of, 0.5 * weight);
                     count += 1;
                 }
-                None => debug_assert!(false, "more than three sources"),
+                None => panic!("more than three sources"),
             }
         }
         sum[..count].sort_unstable_by_key(|one| one.0);
