@@ -469,8 +469,9 @@ typedef int32_t vrtm_log_code;
 // No tile has a rigidity, so that nothing moves.
 #define VRTM_LOG_CODE_NO_RIGIDITY 18
 
-// The edges of a pose are much longer or shorter than at rest, as if it were in other units. Values: the median of
-// their lengths, as multiples of those at rest.
+// A pose is only scaled, with VRTM_SCALE_KEEP, or its edges are much longer or shorter than at rest, as if it were in
+// other units. Values: the median of their lengths, as multiples of those at rest. Told once for scaled poses that
+// follow one another.
 #define VRTM_LOG_CODE_POSE_SCALE 19
 
 // Many edges of a pose are much longer than at rest, as if its vertices were in another order. Values: the share of
@@ -735,6 +736,16 @@ typedef int32_t vrtm_quality;
 // along each axis. With vrtm_solve_options.warm, relaxation of the last result on the finest level.
 #define VRTM_QUALITY_DRAFT 1
 
+// The size that rigid features have in a pose.
+typedef int32_t vrtm_scale;
+
+// Features keep their size at rest, in the units of the positions: for a body that inflates or swells. The default.
+#define VRTM_SCALE_KEEP 0
+
+// Features grow and shrink with the pose as a whole: rest lengths are multiplied by the pose's median stretch
+// (vrtm_asset_report.scale). For a character under a scale control, and for poses in other units.
+#define VRTM_SCALE_FOLLOW 1
+
 // Method by which a solve finds its warp.
 typedef int32_t vrtm_solver;
 
@@ -828,6 +839,13 @@ typedef struct vrtm_solve_options {
     vrtm_progress_fn progress;
     // Passed to `progress` unchanged. Both must stay valid until the call returns, or the job is destroyed.
     void *progress_user;
+    // 1, for vrtm_asset_submit only: the newest pose wins. A job or a solve that is using the asset is cancelled, the
+    // call waits for its end, some milliseconds, and the new job takes its place, instead of VRTM_ERROR_BUSY. Calls of
+    // several threads take their turns. 0 (the default) = the asset is busy, as it always is for a call from within
+    // another one, such as from a progress function.
+    uint32_t replace;
+    // The size that features have in the pose. VRTM_SCALE_KEEP (0, the default) or VRTM_SCALE_FOLLOW.
+    vrtm_scale scale;
 } vrtm_solve_options;
 
 // Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
@@ -1528,7 +1546,8 @@ typedef struct vrtm_job_progress {
 } vrtm_job_progress;
 
 // Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
-// are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`.
+// are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`. A viewport that only wants its
+// newest pose sets options->replace.
 //
 // Until the job is done, it has exclusive use of the asset: calls that solve or change the asset give VRTM_ERROR_BUSY,
 // and results and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels
@@ -1767,12 +1786,18 @@ typedef struct vrtm_asset_report {
     float ms_total;
     // 1 if the time budget ended a tile's solve early, or left no time for it.
     uint32_t truncated;
-    // Median ratio of posed length to rest length, over a few thousand edges. If it is over 3 or under 1/3, the log
-    // warns: the pose probably has other units, or its vertices are in another order.
-    float median_stretch;
-    // Share (0..1) of these edges that are more than 3 times as long as at rest. If it is over 0.05, the log warns:
-    // the pose's vertices are probably in another order than the mesh's.
+    // Median ratio of posed length to rest length, over a few thousand edges, which VRTM_SCALE_FOLLOW multiplies the
+    // rest lengths by. Without that, the log warns if it is over 3 or under 1/3: the pose probably has other units, or
+    // its vertices are in another order.
+    float scale;
+    // Share (0..1) of these edges that are more than 3 times as long as at rest (with VRTM_SCALE_FOLLOW: times
+    // `scale`). If it is over 0.05, the log warns: the pose's vertices are probably in another order than the mesh's.
     float stretched_share;
+    // Spread of these ratios: 95 % of them are within this fraction of `scale` from it. Under 0.001 all edges share
+    // one factor, and the pose is the mesh at another size, moved or bent.
+    float scale_spread;
+    // 0.
+    uint32_t reserved;
 } vrtm_asset_report;
 
 // Reports on a tile's last solve.

@@ -116,10 +116,15 @@ impl Asset {
         self.results.check_tile(tile)
     }
 
-    pub(crate) fn check_vertices(&self, name: &str, values: &Strided, components: usize) -> Result<()> {
-        self.device.alive()?;
+    pub(crate) fn check_vertices(
+        (device, of): (&Device, &AssetInfo),
+        name: &str,
+        values: &Strided,
+        components: usize,
+    ) -> Result<()> {
+        device.alive()?;
         ensure!(values.components() == components, "{name}: {components} components are needed");
-        let (given, needed) = (values.len(), self.mesh.rest.len());
+        let (given, needed) = (values.len(), of.vertices as usize);
         ensure!(given == needed, "{name}: {given} elements, but the mesh has {needed} vertices");
         values.check_finite(name)
     }

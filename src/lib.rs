@@ -108,7 +108,7 @@ pub use vrtm_core::report::{
     TileEstimate, TileInfo, TileReport, WorstFeature,
 };
 pub use vrtm_core::settings::{
-    AdapterId, Backend, DeviceSettings, MAX_GRID, OpenBorders, Overlap, PbdSettings, Quality, Seams,
+    AdapterId, Backend, DeviceSettings, MAX_GRID, OpenBorders, Overlap, PbdSettings, Quality, Scale, Seams,
     SolveOptions, Solver, TileSettings,
 };
 pub use vrtm_core::team::{Executor, Task};

@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::desc::sized;
 use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, Kind, Table, vrtm_asset, vrtm_job};
-use super::shared::Claim;
+use super::shared::{Claim, Solve};
 use super::solve::{CheckedOptions, vrtm_solve_options};
 use super::status::{
     Failure, Outcome, VRTM_ERROR_BUSY, VRTM_ERROR_CANCELLED, VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_TIMEOUT,
@@ -90,7 +90,7 @@ impl Work {
         let Work { claim, positions, dirty_vertices, checked } = &mut self;
         let request = checked.request(positions.view());
         let request = SolveRequest { dirty_vertices: dirty_vertices.as_deref(), ..request };
-        claim.solve(&checked.control, |asset| Ok(asset.run(&request, &mut [])?))
+        Ok(claim.asset().run(&request, &mut [])?)
     }
 }
 
@@ -136,15 +136,6 @@ impl Job {
         self.done.notify_all();
     }
 
-    fn cancel(&self) {
-        self.control.cancel();
-        // A host's queue may take long to start a waiting job: end it here.
-        if let Some(work) = self.begin() {
-            drop(work);
-            self.end(Err(Failure::new(VRTM_ERROR_CANCELLED, "the job was cancelled")));
-        }
-    }
-
     /// An error on a thread that does the job's work, since it would wait for itself: the thread that runs the job, or
     /// the host's thread that runs the first task and calls the host's functions.
     fn check_thread(&self) -> Outcome<()> {
@@ -180,10 +171,22 @@ impl Job {
     }
 }
 
+impl Solve for Job {
+    fn cancel(&self) {
+        self.control.cancel();
+        // A host's queue may take long to start a waiting job: end it here.
+        if let Some(work) = self.begin() {
+            drop(work);
+            self.end(Err(Failure::new(VRTM_ERROR_CANCELLED, "the job was cancelled")));
+        }
+    }
+}
+
 static JOBS: Table<Job> = Table::new(Kind::Job, "job");
 
 /// Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
-/// are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`.
+/// are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`. A viewport that only wants its
+/// newest pose sets options->replace.
 ///
 /// Until the job is done, it has exclusive use of the asset: calls that solve or change the asset give VRTM_ERROR_BUSY,
 /// and results and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels
@@ -204,23 +207,22 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         // SAFETY: the host's pointers, valid during the call.
         let (positions, checked) =
             unsafe { (strided(positions, 3, "positions")?, CheckedOptions::read(asset, options)?) };
-        let mut claim = shared.claim()?;
-        claim.asset().check_request(&checked.request(positions))?;
-        let executor = claim.asset().device().executor().cloned();
-        let device = claim.asset().device().clone();
+        let device = &shared.device;
+        checked.request(positions).check(device, &shared.info)?;
         let copies = || Ok((Packed::copy(&positions), checked.dirty_vertices.map(Vec::from)));
         let (positions, dirty_vertices) = device.call(copies)?;
-        claim.announce(&checked.control);
+        let claim = if checked.replace { shared.claim_next() } else { shared.claim() }?;
         let work = Work { claim, positions, dirty_vertices, checked: checked.without_dirty_vertices() };
         let handle = vrtm_job { id: JOBS.add(Job::new(work))? };
         let job = JOBS.get("job", handle.id)?;
+        shared.announce(job.clone());
         let own = job.clone();
         #[expect(
             clippy::disallowed_methods,
             reason = "of constant size: the job is there, and must not be lost"
         )]
         let task = Box::new(move || own.run());
-        let left = match executor {
+        let left = match device.executor() {
             Some(executor) => executor.spawn(task).err(),
             None => Some(task as Box<dyn FnOnce() + Send>),
         };

@@ -80,6 +80,7 @@ pub const CHOICES: &[mirror::Choice] = &[
     device::LOG_LEVELS,
     device::LOG_CODES,
     solve::QUALITIES,
+    solve::SCALES,
     solve::SOLVERS,
     tile::OVERLAPS,
     tile::SEAMS,

@@ -168,11 +168,11 @@ macro_rules! mirror {
         }
     };
     (
-        settings $name:ident of $rust:ident: $of:ident in $path:literal {
+        settings $name:ident $(first $first:literal)? of $rust:ident: $of:ident in $path:literal {
             $($(#[doc = $doc:literal])* $field:ident: $type:ty $(= $from:expr)?,)*
         }
     ) => {
-        mirror!(@sized $name $rust $of
+        mirror!(@sized $name $($first)? $rust $of
             [$([$($doc)*] $field: $type = [$($from)?],)*]);
 
         impl From<&$of> for $name {

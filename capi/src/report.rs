@@ -54,10 +54,12 @@ mirror! {
 }
 
 mirror! {
-    report vrtm_asset_report of r: AssetReport {
+    report vrtm_asset_report first 80 of r: AssetReport {
         tiles: u32, tiles_active: u32, tiles_kept: u32, charts_active: u32, charts_reused: u32, charts_identity: u32,
         nodes_active: u64, min_jacobian: f64, folds: u64, bytes: u64, ms_total: f32 = r.total_ms, truncated: u32,
-        median_stretch: f32, stretched_share: f32,
+        scale: f32, stretched_share: f32, scale_spread: f32,
+        /// 0.
+        reserved: u32 = 0u32,
     }
 }
 

@@ -9,18 +9,23 @@ use super::fetch::{Wanted, vrtm_fetch};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::{choice, mirror};
+use super::shared::SharedAsset;
 use super::status::{Outcome, vrtm_status};
-use super::types::{strided, strided_and_span, vrtm_array};
-use vrtm::SolveRequest;
+use super::types::{flag, strided, strided_and_span, vrtm_array};
+use vrtm::{Fetch, SolveRequest};
 use vrtm_core::allocation::Vec;
 use vrtm_core::control::Control;
-use vrtm_core::settings::{PbdSettings, Quality, SolveOptions, Solver};
+use vrtm_core::settings::{PbdSettings, Quality, Scale, SolveOptions, Solver};
 use vrtm_core::view::Strided;
 
 choice! {
     QUALITIES: vrtm_quality of Quality {
         VRTM_QUALITY_NORMAL = 0: Normal, VRTM_QUALITY_DRAFT = 1: Draft,
     }
+}
+
+choice! {
+    SCALES: vrtm_scale of Scale { VRTM_SCALE_KEEP = 0: Keep, VRTM_SCALE_FOLLOW = 1: Follow }
 }
 
 choice! {
@@ -34,7 +39,7 @@ mirror! {
 }
 
 mirror! {
-    settings vrtm_solve_options of s: SolveOptions in "options" {
+    settings vrtm_solve_options first 112 of s: SolveOptions in "options" {
         quality: vrtm_quality, max_corrections: u32, tolerance: f32, time_budget_ms: f32 = s.time_budget,
         warm: u32, temporal_weight: f32,
         /// CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
@@ -60,6 +65,12 @@ mirror! {
         progress: vrtm_progress_fn,
         /// Passed to `progress` unchanged. Both must stay valid until the call returns, or the job is destroyed.
         progress_user: *mut c_void,
+        /// 1, for vrtm_asset_submit only: the newest pose wins. A job or a solve that is using the asset is cancelled,
+        /// the call waits for its end, some milliseconds, and the new job takes its place, instead of VRTM_ERROR_BUSY.
+        /// Calls of several threads take their turns. 0 (the default) = the asset is busy, as it always is for a call
+        /// from within another one, such as from a progress function.
+        replace: u32,
+        scale: vrtm_scale,
     }
 }
 
@@ -85,6 +96,7 @@ pub(super) struct CheckedOptions<'a> {
     pub dirty_vertices: Option<&'a [u32]>,
     release_last: bool,
     release_solvers: bool,
+    pub replace: bool,
     pub control: Arc<Control>,
 }
 
@@ -123,6 +135,7 @@ impl<'a> CheckedOptions<'a> {
             dirty_vertices,
             release_last: from.release & VRTM_RELEASE_RESULTS != 0,
             release_solvers: from.release & VRTM_RELEASE_SOLVERS != 0,
+            replace: flag(from.replace, "options.replace")?,
             control: Arc::new(control),
         })
     }
@@ -139,6 +152,14 @@ impl<'a> CheckedOptions<'a> {
             release_solvers: self.release_solvers,
             control: Some(self.control.clone()),
         }
+    }
+
+    /// Solves in the host's call.
+    fn solve(&self, shared: &Arc<SharedAsset>, positions: Strided, fetches: &mut [Fetch]) -> Outcome<()> {
+        ensure!(!self.replace, "options.replace: only vrtm_asset_submit replaces a solve");
+        let mut claim = shared.claim()?;
+        shared.announce(self.control.clone());
+        Ok(claim.asset().run(&self.request(positions), fetches)?)
     }
 
     /// These options without the host's list of dirty vertices, of which a job keeps a copy.
@@ -169,8 +190,7 @@ pub unsafe extern "C" fn vrtm_asset_solve(
         // SAFETY: the host's pointers, valid during the call.
         let (positions, checked) =
             unsafe { (strided(positions, 3, "positions")?, CheckedOptions::read(asset, options)?) };
-        let request = checked.request(positions);
-        shared.claim()?.solve(&checked.control, |asset| Ok(asset.run(&request, &mut [])?))
+        checked.solve(&shared, positions, &mut [])
     })
 }
 
@@ -200,8 +220,7 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
         // SAFETY: as above.
         let mut wanted = unsafe { Wanted::read(Some(shared.results.clone()), fetches, count, span) }?;
         let mut fetches = wanted.fetches()?;
-        let request = checked.request(positions);
-        shared.claim()?.solve(&checked.control, |asset| Ok(asset.run(&request, &mut fetches)?))
+        checked.solve(&shared, positions, &mut fetches)
     })
 }
 

@@ -56,7 +56,7 @@ impl Asset {
     #[doc(hidden)]
     pub fn tile_inside(&self, tile: usize, positions: &Strided) -> Result<TileInside<'_>> {
         self.check_tile(tile)?;
-        self.check_vertices("positions", positions, 3)?;
+        Asset::check_vertices((&self.device, &self.mesh.info), "positions", positions, 3)?;
         let Asset { device, mesh, given, tiles, .. } = self;
         let welds = torn_welds(mesh, &mesh.tiles[tile], positions);
         let extended = device.team(|team| tiles[tile].mesh(&Call { team, device, mesh, given }, &welds));

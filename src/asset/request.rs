@@ -4,8 +4,10 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use super::Asset;
+use crate::device::Device;
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, Result};
+use vrtm_core::report::AssetInfo;
 use vrtm_core::settings::{MAX_THREADS, SolveOptions};
 use vrtm_core::view::Strided;
 
@@ -35,20 +37,20 @@ pub struct SolveRequest<'a> {
     pub control: Option<Arc<Control>>,
 }
 
-impl Asset {
-    /// Checks a request without side effects.
+impl SolveRequest<'_> {
+    /// Checks the request, which is for an asset on a device, without side effects.
     #[doc(hidden)]
-    pub fn check_request(&self, request: &SolveRequest) -> Result<()> {
-        self.check_vertices("positions", &request.positions, 3)?;
-        request.options.check()?;
-        if let Some(threads) = request.threads.filter(|threads| threads.get() > MAX_THREADS) {
+    pub fn check(&self, device: &Device, of: &AssetInfo) -> Result<()> {
+        Asset::check_vertices((device, of), "positions", &self.positions, 3)?;
+        self.options.check()?;
+        if let Some(threads) = self.threads.filter(|threads| threads.get() > MAX_THREADS) {
             return Err(Error::argument(format!("options.threads: {threads} is over {MAX_THREADS}")));
         }
-        let (tiles, vertices) = (self.tiles.len(), self.mesh.rest.len());
-        for (k, &tile) in request.tiles.unwrap_or_default().iter().enumerate() {
+        let (tiles, vertices) = (of.tiles as usize, of.vertices as usize);
+        for (k, &tile) in self.tiles.unwrap_or_default().iter().enumerate() {
             ensure!(tile < tiles, "options.tiles[{k}]: {tile} is out of range, there are {tiles}");
         }
-        for (k, &vertex) in request.dirty_vertices.unwrap_or_default().iter().enumerate() {
+        for (k, &vertex) in self.dirty_vertices.unwrap_or_default().iter().enumerate() {
             ensure!(
                 (vertex as usize) < vertices,
                 "options.dirty_vertices[{k}]: {vertex} is out of range, the mesh has {vertices} vertices"

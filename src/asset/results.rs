@@ -343,7 +343,8 @@ impl Results {
             tiles: last.tiles.len() as u32,
             min_jacobian: 1.0,
             total_ms: last.solved_ms.unwrap_or_default(),
-            median_stretch: last.stretch.median as f32,
+            scale: last.stretch.median as f32,
+            scale_spread: last.stretch.spread as f32,
             stretched_share: last.stretch.share as f32,
         });
         for result in last.tiles.iter().flatten() {

@@ -65,13 +65,18 @@ impl Asset {
     /// `OutOfMemory`; those of [`crate::Results::fetch`]. The last good results are kept.
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
         let start = (self.clock)();
-        self.check_request(request)?;
+        request.check(&self.device, &self.mesh.info)?;
         self.results.check_fetches(fetches)?;
+        let (scale, before) = (request.options.scale, self.results.last().stretch);
+        let stretch = Stretch::new(&self.mesh, &request.positions, scale);
+        let positions = request.positions.scaled(stretch.factor(scale));
+        let request = &SolveRequest { positions, ..request.clone() };
         let crew = self.device.crew(request.threads, request.control.clone());
         self.device.clone().call(|| {
             caught(|| {
                 Team::of(&crew, |team| {
-                    let (solved, late, last) = self.solve_tiles(team, &crew, request, start)?;
+                    let (solved, late, last) = self.solve_tiles(team, &crew, request, stretch, start)?;
+                    stretch.warn(&self.device, scale, &before);
                     // Results are published after the requested outputs are written, since that can fail.
                     self.results.write_all(team, &last, fetches)?;
                     for solved in solved {
@@ -96,6 +101,7 @@ impl Asset {
         team: &Team,
         crew: &Crew,
         request: &SolveRequest,
+        stretch: Stretch,
         start: Instant,
     ) -> Result<(Vec<TileSolved>, Vec<bool>, Last)> {
         let _working = team.control().map(|control| control.begin());
@@ -113,7 +119,8 @@ impl Asset {
         self.given.find_sizes(team, &self.mesh, sized, &self.device);
         let solved = self.solved(team, crew, request, &plan, &due, start)?;
         let late = self.late(&due, &solved);
-        let last = self.last(team, request, &asked, &solved, &late, start)?;
+        let mut last = self.last(team, request, &asked, &solved, &late, start)?;
+        last.stretch = stretch;
         // From here on the call has a result and can no longer be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
@@ -140,7 +147,8 @@ impl Asset {
             is_dirty[vertex as usize] = true;
         }
         for (state, due) in self.tiles.iter().zip(&mut due).filter(|(state, _)| !state.late) {
-            let last = state.last.as_ref().filter(|last| last.is_of(plan, &self.given));
+            let factor = request.positions.factor();
+            let last = state.last.as_ref().filter(|last| last.is_of(plan, factor, &self.given));
             *due &= last.is_none_or(|TileSolved { solved, .. }| {
                 let charts = &solved.extended.as_ref().unwrap_or(&solved.mesh).charts;
                 charts.iter().flat_map(Chart::of_mesh).any(|vertex| is_dirty[vertex as usize])
@@ -213,11 +221,9 @@ impl Asset {
             self.measure(team, request.positions, &results[..new], &mut blended)?;
         }
         let solved_ms = ((self.clock)() - start).as_secs_f32() * 1000.0;
-        let stretch = Stretch::new(&self.mesh, &request.positions);
-        stretch.warn(&self.device);
         let keep = || KeptPose::new(&self.device, &request.positions, &self.given.maps).map(Arc::new);
         let pose = (self.results.count_carriers(0) > 0).then(keep).transpose()?;
-        let mut last = Last { tiles: self.kept(late), solved_ms: Some(solved_ms), stretch, pose };
+        let mut last = Last { tiles: self.kept(late), solved_ms: Some(solved_ms), pose, ..Last::default() };
         for (k, ((tile, solved), blended)) in results.into_iter().zip(blended).enumerate() {
             let kept = k >= new;
             // Unsolved neighbours are republished only if the blend changed them.

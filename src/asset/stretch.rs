@@ -1,5 +1,5 @@
-//! Measures how much longer a pose's edges are than at rest, to detect a pose in other units, or with vertices in
-//! another order.
+//! Measures how much longer a pose's edges are than at rest: for features that follow the size of a pose, and to detect
+//! one in other units, or with vertices in another order.
 
 use glam::DVec3;
 
@@ -7,6 +7,7 @@ use crate::device::Device;
 use vrtm_core::allocation::Vec;
 use vrtm_core::log::LogCode;
 use vrtm_core::mesh::Mesh;
+use vrtm_core::settings::Scale;
 use vrtm_core::view::Strided;
 
 /// Most edges that are measured: enough for a median, and cheap compared to a solve.
@@ -16,26 +17,32 @@ const IMPLAUSIBLE: f64 = 3.0;
 /// A pose is also implausible if a larger share of its edges than this is stretched by more than that factor. In real
 /// animation the share is at most 1 %; a tenth of the vertices in a wrong order makes it 10 %.
 const IMPLAUSIBLE_SHARE: f64 = 0.05;
+/// A spread under this is the rounding of a pose that is only scaled.
+const ONE_FACTOR: f64 = 1e-3;
+/// The share of edges within the spread: some slivers are all rounding.
+const WITHIN: f64 = 0.95;
 
 /// The lengths of a pose's edges, as multiples of those at rest.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
     /// Their median.
     pub median: f64,
-    /// The share of them that is over 3.
+    /// The distance from the median, as a fraction of it, within which 95 % of them are.
+    pub spread: f64,
+    /// The share of them that is over 3, or over 3 medians for features that follow the pose.
     pub share: f64,
 }
 
 /// The values for a mesh without edges.
 impl Default for Stretch {
     fn default() -> Stretch {
-        Stretch { median: 1.0, share: 0.0 }
+        Stretch { median: 1.0, spread: 0.0, share: 0.0 }
     }
 }
 
 impl Stretch {
     /// Measures some thousand edges of the textured triangles, evenly chosen from all of them.
-    pub fn new(mesh: &Mesh, pose: &Strided) -> Stretch {
+    pub fn new(mesh: &Mesh, pose: &Strided, scale: Scale) -> Stretch {
         let sides: usize = mesh.tiles.iter().map(|tile| 3 * tile.triangles.len()).sum();
         let step = sides.div_ceil(SAMPLES).max(1);
         // Avoids measuring the same side of all triangles.
@@ -63,16 +70,44 @@ impl Stretch {
         if stretches.is_empty() {
             return Stretch::default();
         }
-        let long = stretches.iter().filter(|&&stretch| stretch > IMPLAUSIBLE).count();
+        let nth = |values: &mut [f64], share: f64| {
+            let n = ((values.len() as f64 * share) as usize).min(values.len() - 1);
+            *values.select_nth_unstable_by(n, f64::total_cmp).1
+        };
+        let median = nth(&mut stretches, 0.5);
+        let unit = if scale == Scale::Follow { median } else { 1.0 };
+        let long = stretches.iter().filter(|&&stretch| stretch > IMPLAUSIBLE * unit).count();
         let share = long as f64 / stretches.len() as f64;
-        let middle = stretches.len() / 2;
-        let (_, median, _) = stretches.select_nth_unstable_by(middle, f64::total_cmp);
-        Stretch { median: *median, share }
+        stretches.iter_mut().for_each(|stretch| *stretch = (*stretch - median).abs());
+        let spread = if median > 0.0 { nth(&mut stretches, WITHIN) / median } else { 0.0 };
+        Stretch { median, spread, share }
     }
 
-    pub fn warn(&self, device: &Device) {
-        let Stretch { median, share } = *self;
-        let (code, value, message) = if !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {
+    /// The factor from the pose's positions to those that are solved. A pose that has shrunk to a point has no size to
+    /// follow.
+    pub fn factor(&self, scale: Scale) -> f64 {
+        if scale == Scale::Follow && self.median.is_normal() { 1.0 / self.median } else { 1.0 }
+    }
+
+    /// True if all edges share one factor other than 1.
+    fn is_scaled(&self) -> bool {
+        self.spread < ONE_FACTOR && (self.median - 1.0).abs() > ONE_FACTOR
+    }
+
+    /// Warns of a pose that cannot be meant, and of the first of those that are only scaled; `before` is the last pose.
+    pub fn warn(&self, device: &Device, scale: Scale, before: &Stretch) {
+        let Stretch { median, share, .. } = *self;
+        let keeps = scale == Scale::Keep;
+        let (code, value, message) = if keeps && self.is_scaled() {
+            if before.is_scaled() {
+                return;
+            }
+            let message = format!(
+                "pose: all of its edges are {median:.3} times as long as at rest, and rigid features keep their size: \
+                 does the option scale = follow let them grow with it, or is it in other units?"
+            );
+            (LogCode::PoseScale, median, message)
+        } else if keeps && !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {
             let message = format!(
                 "pose: its edges are {median:.3} times as long as at rest (median): is it in other units, or are its \
                  vertices in another order?"

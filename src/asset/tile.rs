@@ -59,6 +59,8 @@ pub(crate) struct TileSolved {
     /// At seams as it was before the blend.
     pub solved: Arc<Solved>,
     plan: Plan,
+    /// The factor of the pose's positions.
+    factor: f64,
     settings: TileSettings,
     grid: GridKey,
     /// Per chart; `None` if its result also depends on time or on earlier frames.
@@ -78,10 +80,13 @@ impl TileSolved {
         self.grid.tile
     }
 
-    /// True if it was solved with this plan and the present maps and settings.
-    pub fn is_of(&self, plan: &Plan, given: &Given) -> bool {
+    /// True if it was solved with this plan, positions with this factor, and the present maps and settings.
+    pub fn is_of(&self, plan: &Plan, factor: f64, given: &Given) -> bool {
         let has_maps = matches!(given.change_since(&self.grid), Change::Nothing);
-        has_maps && self.plan == *plan && self.settings == given.maps[self.tile()].settings
+        has_maps
+            && self.plan == *plan
+            && self.factor == factor
+            && self.settings == given.maps[self.tile()].settings
     }
 }
 
@@ -225,7 +230,7 @@ impl TileState {
             work,
         };
         let (solved, plan, grid) = (Arc::new(solved), *call.plan, prepared.key.clone());
-        Ok(Some(TileSolved { solved, plan, settings, grid, inputs }))
+        Ok(Some(TileSolved { solved, plan, factor: call.positions.factor(), settings, grid, inputs }))
     }
 
     /// Gives charts their last results where the time of a solve sufficed for nothing better than the identity. True if

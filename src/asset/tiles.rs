@@ -248,7 +248,7 @@ impl Asset {
     fn set_of_vertices(&mut self, name: &str, which: Which, values: Option<Strided>) -> Result<()> {
         let mut copy = Values::None;
         if let Some(values) = values {
-            self.check_vertices(name, &values, 1)?;
+            Asset::check_vertices((&self.device, &self.mesh.info), name, &values, 1)?;
             let largest = (0..values.len()).map(|v| values.get(v, 0)).fold(0.0, f64::max);
             let what = format!("the {name} of the vertices");
             log::doubt(&self.device, which, None, &what, largest as f32);

@@ -114,6 +114,77 @@ static vrtm_solve_options through_gate(void)
     return options;
 }
 
+/* Another pose in place of what uses the asset. */
+typedef struct newer {
+    vrtm_asset asset;
+    vrtm_job job;
+    vrtm_status status;
+} newer;
+
+static void *replace(void *data)
+{
+    newer *n = data;
+    const vrtm_array b = sheet_positions(other);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    options.replace = 1;
+    n->status = vrtm_asset_submit(n->asset, &b, &options, &n->job);
+    return NULL;
+}
+
+static void *solve_held(void *asset)
+{
+    const vrtm_array a = sheet_positions(pose);
+    const vrtm_solve_options options = through_gate();
+    const vrtm_status status = vrtm_asset_solve(*(vrtm_asset *)asset, &a, &options);
+    return status == VRTM_OK || status == VRTM_ERROR_CANCELLED ? NULL : asset;
+}
+
+/* Two threads replace a job or a call that stands at the gate, at once: each has its turn. */
+static void newest_wins(int of_a_call)
+{
+    scene made = make(NULL, large);
+    const vrtm_array a = sheet_positions(pose);
+    vrtm_solve_options options = through_gate();
+    vrtm_job job = {0};
+    pthread_t solve, threads[2];
+    newer by[2] = {{made.asset, {0}, VRTM_OK}, {made.asset, {0}, VRTM_OK}};
+    void *failed = NULL;
+    close_gate();
+    if (of_a_call) {
+        pthread_create(&solve, NULL, solve_held, &made.asset);
+    } else {
+        succeeds("submit", vrtm_asset_submit(made.asset, &a, &options, &job));
+    }
+    await_solve();
+    options.replace = 1;
+    vrtm_array wrong = a;
+    wrong.count -= 1;
+    fails("a wrong pose replaces nothing", vrtm_asset_submit(made.asset, &wrong, &options, &by[0].job),
+          VRTM_ERROR_INVALID_ARGUMENT, "positions: 168");
+    fails("nor does a call", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
+          "options.replace: only vrtm_asset_submit");
+    for (int k = 0; k < 2; ++k) {
+        pthread_create(&threads[k], NULL, replace, &by[k]);
+    }
+    open_gate();
+    if (of_a_call) {
+        pthread_join(solve, &failed);
+    } else {
+        const vrtm_status end_of_it = vrtm_job_wait(job, VRTM_FOREVER);
+        failed = end_of_it == VRTM_OK || end_of_it == VRTM_ERROR_CANCELLED ? NULL : &made;
+        succeeds("destroy the replaced job", vrtm_job_destroy(job));
+    }
+    check_that(failed == NULL, "what was replaced ended", vrtm_last_error());
+    int done = 0;
+    for (int k = 0; k < 2; ++k) {
+        pthread_join(threads[k], NULL);
+        done += by[k].status == VRTM_OK && vrtm_job_wait(by[k].job, VRTM_FOREVER) == VRTM_OK;
+        succeeds("destroy", vrtm_job_destroy(by[k].job));
+    }
+    check_that(done >= 1 && fetch(made, map) == VRTM_OK && same(second, map), "the newest pose won", vrtm_last_error());
+    end(made);
+}
+
 /* What another thread does to the asset whose solve stands at the gate. */
 static void *cancel_held(void *asset)
 {
@@ -255,6 +326,10 @@ static void bad_arguments(void)
     fails("release", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
           "options.release is 4");
     options.release = 0;
+    options.replace = 2;
+    fails("replace", vrtm_asset_submit(made.asset, &a, &options, &job), VRTM_ERROR_INVALID_ARGUMENT,
+          "options.replace is 2");
+    options.replace = 0;
     options.tiles = &foreign.tile;
     options.tile_count = 1;
     fails("a tile of another asset", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
@@ -299,6 +374,9 @@ static uint32_t on_progress(void *user, float progress)
     w->thread = pthread_self();
     w->busy += status != VRTM_OK && status != VRTM_ERROR_NOT_SOLVED;
     w->busy += vrtm_asset_set_vertex_rigidity(w->asset, NULL) != VRTM_ERROR_BUSY;
+    newer n = {w->asset, {0}, VRTM_OK};
+    replace(&n);
+    w->busy += n.status != VRTM_ERROR_BUSY;
     if (w->job.id != 0) {
         w->busy += vrtm_job_wait(w->job, VRTM_FOREVER) != VRTM_ERROR_BUSY;
         w->busy += vrtm_job_destroy(w->job) != VRTM_ERROR_BUSY;
@@ -372,8 +450,8 @@ static void progress_and_cancelling(void)
 typedef struct host {
     int loops, others;
     pthread_t main;
-    vrtm_task_fn task[4];
-    void *data[4];
+    vrtm_task_fn task[6];
+    void *data[6];
     int queued;
 } host;
 
@@ -465,9 +543,18 @@ static void a_host_s_threads(void)
     succeeds("the asset is free", vrtm_asset_solve(made.asset, &a, NULL));
     succeeds("destroy it", vrtm_job_destroy(job));
     succeeds("a fourth job", vrtm_asset_submit(made.asset, &a, NULL, &job));
+    newer n = {made.asset, {0}, VRTM_OK};
+    replace(&n);
+    fails("is replaced before it began", vrtm_job_wait(job, 0), VRTM_ERROR_CANCELLED, "cancelled");
+    succeeds("destroy it", vrtm_job_destroy(job));
+    succeeds("cancel the asset's solve", vrtm_asset_cancel(made.asset));
+    fails("ends one that has not begun", vrtm_job_wait(n.job, 0), VRTM_ERROR_CANCELLED, "cancelled");
+    succeeds("destroy that", vrtm_job_destroy(n.job));
+    succeeds("a sixth job", vrtm_asset_submit(made.asset, &a, NULL, &job));
     succeeds("is destroyed before it began", vrtm_job_destroy(job));
-    h.task[2](h.data[2], 0);
-    h.task[3](h.data[3], 0);
+    for (int k = 2; k < h.queued; ++k) {
+        h.task[k](h.data[k], 0);
+    }
     check_that(threads_left(before) == before, "no thread is left", "");
     end(made);
     end(own);
@@ -481,6 +568,8 @@ int main(void)
     sheet_pose(&s, 4, pose);
     sheet_pose(&s, 9, other);
     plain_jobs();
+    newest_wins(0);
+    newest_wins(1);
     bad_arguments();
     progress_and_cancelling();
     a_host_s_threads();

@@ -135,6 +135,7 @@ static void late(void *user, size_t count, vrtm_task_fn run, void *data)
 typedef struct watch {
     vrtm_job job;
     vrtm_tile tile;
+    vrtm_asset asset;
     int calls, lines, wrong;
 } watch;
 
@@ -143,11 +144,16 @@ static void ask(watch *w, int at_end)
 {
     vrtm_image_out image = vrtm_image_out_init();
     vrtm_job_progress data = vrtm_job_progress_init();
+    vrtm_solve_options options = vrtm_solve_options_init();
+    const vrtm_array a = sheet_positions(pose);
+    vrtm_job job;
+    options.replace = 1;
     image.data = map;
     image.width = image.height = MAP;
     w->wrong += vrtm_job_wait(w->job, VRTM_FOREVER) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_wait(w->job, 1000) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_destroy(w->job) != VRTM_ERROR_BUSY;
+    w->wrong += vrtm_asset_submit(w->asset, &a, &options, &job) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_get_progress(w->job, &data) != VRTM_OK || data.state != VRTM_JOB_RUNNING;
     w->wrong += fetch_image(w->tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK;
     w->wrong += (memcmp(map, before, sizeof map) != 0) != at_end;
@@ -234,6 +240,7 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
         return;
     }
     vrtm_job job;
+    w.asset = asset;
     snprintf(what, sizeof what, "%s: submit", name);
     busy = spawn != NULL;
     for (uint32_t k = threads; busy && k < POOL; ++k) {

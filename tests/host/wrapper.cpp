@@ -624,7 +624,7 @@ void outputs(const vrtm::Device &device)
     refuses("a UV set that is not there", asset.corner_uvs(1), vrtm::Code::invalid_argument, "uv_set");
     refuses("too few corners", asset.corner_uvs(own.data(), 3), vrtm::Code::invalid_argument, "count");
     check_that(asset.report()->tiles == 1 && asset.report()->folds == 0, "an asset's report", "");
-    check_that(asset.report()->median_stretch > 0, "has the stretch of the pose's edges", "");
+    check_that(asset.report()->scale > 0, "has the stretch of the pose's edges", "");
 
     const std::vector<float> elastic(VERTICES, 0), rigid(VERTICES, 1);
     works("no map", tile.set_rigidity(nullptr));

@@ -64,6 +64,7 @@ impl Shared {
                 0..3 => vrtm_asset_solve(asset, &bent.c(), &options),
                 3..6 => {
                     let mut job = vrtm_job { id: 0 };
+                    let options = vrtm_solve_options { replace: random.below(2) as u32, ..options };
                     let status = vrtm_asset_submit(asset, &bent.c(), &options, &mut job);
                     if status == VRTM_OK {
                         let before = self.jobs[k].swap(job.id, Ordering::Relaxed);

@@ -282,6 +282,17 @@ pub enum Solver {
     Pbd,
 }
 
+/// The size that rigid features have in a pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scale {
+    /// Features keep their size at rest, in the units of the positions: for a body that inflates or swells.
+    #[default]
+    Keep,
+    /// Features grow and shrink with the pose as a whole: rest lengths are multiplied by the pose's median stretch
+    /// ([`crate::report::AssetReport::scale`]). For a character under a scale control, and for poses in other units.
+    Follow,
+}
+
 // Method §10 gives the measurements behind the defaults, method §5 those of `temporal_weight`.
 settings! {
     /// Settings of [`Solver::Pbd`], with the paper's names.
@@ -338,6 +349,8 @@ settings! {
         pub solver: Solver = Solver::Descent;
         /// Settings of [`Solver::Pbd`].
         pub pbd: PbdSettings = PbdSettings::default();
+        /// The size that features have in the pose.
+        pub scale: Scale = Scale::Keep;
     }
 }
 

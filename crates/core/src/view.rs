@@ -43,12 +43,13 @@ pub struct Strided<'a> {
     components: usize,
     count: usize,
     stride: usize,
+    factor: f64,
 }
 
 impl Default for Strided<'_> {
     /// No elements.
     fn default() -> Self {
-        Strided { bytes: &[], scalar: Scalar::F32, components: 0, count: 0, stride: 0 }
+        Strided { bytes: &[], scalar: Scalar::F32, components: 0, count: 0, stride: 0, factor: 1.0 }
     }
 }
 
@@ -97,7 +98,7 @@ impl<'a> Strided<'a> {
                 )));
             }
         }
-        Ok(Strided { bytes, scalar, components, count, stride })
+        Ok(Strided { bytes, scalar, components, count, stride, factor: 1.0 })
     }
 
     /// Packed f32 triples: positions.
@@ -127,7 +128,18 @@ impl<'a> Strided<'a> {
     /// Elements that are these components one after the other.
     fn packed<T: Copy>(values: &'a [T], scalar: Scalar, components: usize) -> Strided<'a> {
         let (bytes, stride) = (as_bytes(values), size_of::<T>());
-        Strided { bytes, scalar, components, count: values.len(), stride }
+        Strided { bytes, scalar, components, count: values.len(), stride, factor: 1.0 }
+    }
+
+    /// The same elements, which [`Strided::get3`] multiplies by a finite factor.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Strided<'a> {
+        Strided { factor, ..self }
+    }
+
+    /// The factor of [`Strided::scaled`], or 1.
+    pub fn factor(&self) -> f64 {
+        self.factor
     }
 
     /// Number of elements.
@@ -174,7 +186,10 @@ impl<'a> Strided<'a> {
     pub fn get3(&self, i: usize) -> [f64; 3] {
         assert!(i < self.count && self.components >= 3);
         let element = &self.bytes[i * self.stride..][..3 * self.scalar.size()];
-        let component = |c: usize| self.scalar.read(&element[c * self.scalar.size()..]);
+        // As finite as the positions are.
+        let component = |c: usize| {
+            (self.scalar.read(&element[c * self.scalar.size()..]) * self.factor).clamp(f64::MIN, f64::MAX)
+        };
         [component(0), component(1), component(2)]
     }
 
@@ -324,22 +339,24 @@ pub struct Packed {
     scalar: Scalar,
     components: usize,
     count: usize,
+    factor: f64,
 }
 
 impl Packed {
     pub fn copy(from: &Strided) -> Packed {
-        let Strided { scalar, components, count, .. } = *from;
+        let Strided { scalar, components, count, factor, .. } = *from;
         let element = scalar.size() * components;
         let mut bytes = Vec::with_capacity(count * element);
         for i in 0..count {
             bytes.extend_from_slice(&from.bytes[i * from.stride..][..element]);
         }
-        Packed { bytes, scalar, components, count }
+        Packed { bytes, scalar, components, count, factor }
     }
 
     pub fn view(&self) -> Strided<'_> {
-        let Packed { scalar, components, count, .. } = *self;
-        Strided { bytes: &self.bytes, scalar, components, count, stride: scalar.size() * components }
+        let Packed { scalar, components, count, factor, .. } = *self;
+        let stride = scalar.size() * components;
+        Strided { bytes: &self.bytes, scalar, components, count, stride, factor }
     }
 }
 

@@ -116,7 +116,9 @@ impl Begun<'_> {
     /// Writes the points. Cannot fail.
     pub fn write(&self, team: &Team) {
         let start = Instant::now();
-        let Begun { ride: Ride { carrier, kept, .. }, carriage, out, spent } = self;
+        let Begun { ride: Ride { carrier, kept, pose, .. }, carriage, out, spent } = self;
+        // Heights and features have the size of those that the surface shows.
+        let factor = pose.positions.view().factor();
         let count = carrier.binding.points.len();
         let on_surface = out.stretch.is_some() || out.uvs.is_some();
         team.run(count.div_ceil(CHUNK), |chunk| {
@@ -128,7 +130,7 @@ impl Begun<'_> {
                 }
                 let Some(k) = carriage.number(n) else { return };
                 let carried = carriage.carry(n, out.rotations.is_some(), on_surface, &mut last);
-                put(&out.positions, k, carried.position.to_array());
+                put(&out.positions, k, (carried.position / factor).to_array());
                 match &out.rotations {
                     Some(array) if array.components() == 9 => {
                         put(
