@@ -203,7 +203,7 @@ impl Given {
         tiles: impl Iterator<Item = usize>,
         device: &Device,
     ) {
-        let of_budget = device.memory_budget().map(|budget| budget / self.maps.len() as u64);
+        let of_budget = device.memory_budget().map(|budget| budget / self.maps.len().max(1) as u64);
         // Half of the blocks are left for those at borders, of which the area of the charts says nothing.
         let of_gpu = device.gpu().map(|gpu| (gpu.most_blocks() / 2 * NODES) as u64 * BYTES);
         let share = of_budget.into_iter().chain(of_gpu).min();

@@ -59,6 +59,54 @@ static void without_uvs(void)
     check_that(data.faces_untextured == FACES / 2 && data.triangles == FACES, "carries the texture", "");
 }
 
+/* All calls for an asset without tiles, whose faces have no texture, on a device with a memory budget. */
+static void without_tiles(void)
+{
+    static uint32_t indices[CORNERS], layers[FACES];
+    static float uvs[2 * CORNERS], ones[VERTICES];
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_asset_report report = vrtm_asset_report_init();
+    vrtm_solve_options options = vrtm_solve_options_init();
+    const vrtm_array positions = sheet_positions(s.points);
+    vrtm_array rigidity = vrtm_array_init();
+    const vrtm_refinement_desc fine = vrtm_refinement_desc_init();
+    vrtm_device limited;
+    vrtm_asset asset;
+    vrtm_tile tile;
+    vrtm_job job;
+    vrtm_refinement refinement;
+    memset(indices, 0xff, sizeof indices);
+    for (int v = 0; v < VERTICES; ++v) {
+        ones[v] = 1;
+    }
+    rigidity.data = ones;
+    rigidity.count = VERTICES;
+    desc.memory_budget = 1000000000;
+    options.measure = 1;
+    options.replace = 1;
+    options.scale = VRTM_SCALE_FOLLOW;
+    options.time_budget_ms = 1000;
+    sheet_describe(&s, &d);
+    d.mesh.uv_indices = indices;
+    succeeds("a device with a budget", vrtm_device_create(&desc, &limited));
+    succeeds("a mesh without texture", vrtm_asset_create(limited, &d.mesh, &asset));
+    succeeds("rigidity", vrtm_asset_set_vertex_rigidity(asset, &rigidity));
+    fails("it has no tile", vrtm_asset_get_tile(asset, 0, &tile), VRTM_ERROR_INVALID_ARGUMENT, "index");
+    succeeds("is solved", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("is submitted", vrtm_asset_submit(asset, &positions, &options, &job));
+    succeeds("is done", vrtm_job_wait(job, VRTM_FOREVER));
+    succeeds("the job's end", vrtm_job_destroy(job));
+    succeeds("its report", vrtm_asset_get_report(asset, &report));
+    check_that(report.tiles == 0 && report.scale == 1 && report.scale_spread == 0, "tells of nothing", "");
+    succeeds("its UVs", vrtm_asset_fetch_corner_uvs(asset, 0, uvs, CORNERS));
+    succeeds("its layers", vrtm_asset_fetch_face_layers(asset, 0, layers, FACES));
+    succeeds("a refinement", vrtm_refinement_create(asset, &fine, &refinement));
+    succeeds("is extended", vrtm_refinement_extend(refinement));
+    succeeds("its end", vrtm_refinement_destroy(refinement));
+    succeeds("its end", vrtm_asset_destroy(asset));
+    succeeds("the device's end", vrtm_device_destroy(limited));
+}
+
 static int torn_lines;
 
 static void count_torn(void *user, const vrtm_log_entry *entry)
@@ -131,6 +179,7 @@ int main(void)
     succeeds("device_create", vrtm_device_create(NULL, &device));
     offsets();
     without_uvs();
+    without_tiles();
     doubled();
     succeeds("device_destroy", vrtm_device_destroy(device));
     return finish();
