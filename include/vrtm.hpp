@@ -24,6 +24,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <functional>
 #include <initializer_list>
@@ -124,13 +125,15 @@ public:
     Result() noexcept = default;
 
     // The outcome of this thread's last call.
-    explicit Result(vrtm_status status) noexcept : code_(Code(status))
+    explicit Result(vrtm_status status) noexcept
+        : Result(Code(status), status == VRTM_OK ? "" : vrtm_last_error())
     {
-        if (code_ != Code::ok) {
-            const char *text = vrtm_last_error();
-            const std::size_t length = std::strlen(text);
-            std::memcpy(message_, text, length < sizeof message_ ? length : sizeof message_ - 1);
-        }
+    }
+    // A failure of the caller's own.
+    Result(Code code, const char *message) noexcept : code_(code)
+    {
+        const std::size_t length = std::strlen(message);
+        std::memcpy(message_, message, length < sizeof message_ ? length : sizeof message_ - 1);
     }
 
     explicit operator bool() const noexcept { return code_ == Code::ok; }
@@ -179,6 +182,15 @@ private:
     T value_;
 };
 
+namespace detail {
+// Reads what a function of C says of a handle. `value` has the struct's size.
+template <class Handle, class T> Result<T> get(vrtm_status (*function)(Handle, T *), Handle handle, T value) noexcept
+{
+    const vrtm_status status = function(handle, &value);
+    return {value, status};
+}
+} // namespace detail
+
 #if VRTM_EXCEPTIONS
 // The exception of a failed call.
 class Error : public std::runtime_error {
@@ -200,42 +212,96 @@ inline void Result<void>::value() const
 
 // ---- Views of the caller's memory ----
 
-// Vectors or single numbers, with a stride in bytes; 0 = tightly packed.
-class Array {
+// Values of an image of this kind per texel: 2, the UV, but for the Jacobian and the filter scale. More are for those
+// who want them: see ImageOut.
+constexpr std::uint32_t channels(FetchKind kind) noexcept
+{
+    return kind == FetchKind::carried         ? 0
+           : kind == FetchKind::jacobian      ? 4
+           : kind == FetchKind::filter_scale  ? 1
+                                              : 2;
+}
+
+// Values of a whole image of this kind: the length of its list. An image of carried points has none.
+constexpr std::size_t image_size(FetchKind kind, std::uint32_t width, std::uint32_t height) noexcept
+{
+    return std::size_t(channels(kind)) * width * height;
+}
+
+namespace detail {
+
+template <class S> constexpr Scalar scalar() noexcept
+{
+    static_assert(std::is_same<S, float>::value || std::is_same<S, double>::value, "components are float or double");
+    return std::is_same<S, float>::value ? Scalar::f32 : Scalar::f64;
+}
+
+inline void set_default(vrtm_array &c) noexcept { c = vrtm_array_init(); }
+inline void set_default(vrtm_array_out &c) noexcept { c = vrtm_array_out_init(); }
+
+// Array and ArrayOut. They always state the stride, so that the library refuses elements that are too short.
+template <class Struct, class Void> class ArrayView {
 public:
-    Array(const float *data, std::size_t count, std::size_t stride = 0) noexcept
-        : Array(Scalar::f32, data, count, stride)
+    // A list of numbers, N of them for each element: `Array::of<3>(xyz)`. It is a std::vector, std::array, std::span,
+    // an array of C or the like, which must outlive this object: temporaries are rejected. A list that ends within an
+    // element is refused by the call that gets it, as one whose stride is too short.
+    template <std::size_t N, class List> static ArrayView of(List &list) noexcept
+    {
+        const std::size_t size = std::size(list);
+        return {std::data(list), size / N, size % N == 0 ? N * sizeof *std::data(list) : 1};
+    }
+    // A list of the host's own vector type, which starts with components of type S: `Array::of<float>(points)`.
+    template <class S, class List> static ArrayView of(List &list) noexcept
+    {
+        return of<S>(std::data(list), std::size(list));
+    }
+
+    // The same by a pointer and the number of vectors.
+    template <class S, class V> static ArrayView of(V *vectors, std::size_t count) noexcept
+    {
+        static_assert(sizeof(V) >= sizeof(S), "a vector has at least one component");
+        return {scalar<S>(), vectors, count, sizeof(V)};
+    }
+    // `count` single numbers. Vectors need a stride, or of<3>().
+    template <class S>
+    ArrayView(S *numbers, std::size_t count) noexcept : ArrayView(numbers, count, sizeof(S))
     {
     }
-    Array(const double *data, std::size_t count, std::size_t stride = 0) noexcept
-        : Array(Scalar::f64, data, count, stride)
+    // `count` arrays, such as Maya's `double (*points)[4]`, whose fourth coordinate is skipped.
+    template <class S, std::size_t N>
+    ArrayView(S (*vectors)[N], std::size_t count) noexcept
+        : ArrayView(reinterpret_cast<S *>(vectors), count, sizeof *vectors)
     {
     }
-    Array(Scalar format, const void *data, std::size_t count, std::size_t stride = 0) noexcept
+    // `count` elements (not numbers), with `stride` bytes from one to the next.
+    template <class S>
+    ArrayView(S *data, std::size_t count, std::size_t stride) noexcept
+        : ArrayView(scalar<std::remove_const_t<S>>(), data, count, stride)
     {
+    }
+    ArrayView(Scalar format, Void *data, std::size_t count, std::size_t stride) noexcept
+    {
+        set_default(c_);
         c_.format = vrtm::value(format);
         c_.data = data;
         c_.count = count;
         c_.stride = stride;
     }
-    // Arrays such as Maya's `double (*points)[4]`, whose fourth coordinate is skipped.
-    template <class S, std::size_t N>
-    Array(const S (*vectors)[N], std::size_t count) noexcept
-        : Array(reinterpret_cast<const S *>(vectors), count, sizeof *vectors)
-    {
-    }
-    // The host's own vector type, which starts with components of type S: `Array::of<float>(points, count)`.
-    template <class S, class V> static Array of(const V *vectors, std::size_t count) noexcept
-    {
-        static_assert(sizeof(V) >= sizeof(S), "a vector has at least one component");
-        return Array(reinterpret_cast<const S *>(vectors), count, sizeof(V));
-    }
 
-    const vrtm_array &c() const noexcept { return c_; }
+    const Struct &c() const & noexcept { return c_; }
+    const Struct &c() const && = delete; // It would be gone.
 
 private:
-    vrtm_array c_ = vrtm_array_init();
+    Struct c_;
 };
+
+} // namespace detail
+
+// Vectors or single numbers to read.
+using Array = detail::ArrayView<vrtm_array, const void>;
+
+// Where to write vectors. The comment of each output says how many components its elements have.
+using ArrayOut = detail::ArrayView<vrtm_array_out, void>;
 
 // A list of indices or counts, unsigned or, as in Maya, `int`. An empty list is not the same as no list.
 class Indices {
@@ -269,8 +335,17 @@ private:
     std::size_t count_ = 0;
 };
 
-// What Image and ImageOut have in common.
 namespace detail {
+
+// The format of a list's texels, where its type says it: 16 bits may be integers or floats.
+template <class List> constexpr PixelFormat texel() noexcept
+{
+    using T = std::remove_cv_t<std::remove_pointer_t<decltype(std::data(std::declval<List &>()))>>;
+    static_assert(std::is_same<T, float>::value || std::is_same<T, std::uint8_t>::value, "name the PixelFormat");
+    return std::is_same<T, float>::value ? PixelFormat::f32 : PixelFormat::u8;
+}
+
+// What Image and ImageOut have in common.
 template <class Self, class Struct> class ImageBase {
 public:
     Self &origin(Origin origin) noexcept
@@ -292,24 +367,63 @@ public:
     }
 
     const Struct &c() const noexcept { return c_; }
+    // Good, unless a list has another length than the image that it was given for: then it names `argument`.
+    Result<> fits(const char *argument) const noexcept
+    {
+        if (channels_ != 0) {
+            return Result<>();
+        }
+        char text[200];
+        std::snprintf(text, sizeof text, "%s: a list of %llu values is no image of %lu x %lu texels with %s", argument,
+                      values_, static_cast<unsigned long>(c_.width), static_cast<unsigned long>(c_.height),
+                      std::is_same<Struct, vrtm_image>::value ? "1 channel" : "1 to 4 channels");
+        return Result<>(Code::invalid_argument, text);
+    }
 
 protected:
-    ImageBase(Struct c, std::uint32_t width, std::uint32_t height, PixelFormat format) noexcept : c_(c)
+    template <class Data>
+    ImageBase(Struct c, PixelFormat format, Data *data, std::uint32_t width, std::uint32_t height) noexcept : c_(c)
     {
         c_.width = width;
         c_.height = height;
         c_.format = vrtm::value(format);
+        c_.data = data;
+    }
+    // Sets the channels to what a list has for each texel; 0 if it is too long or too short for `most`.
+    template <class List> void set_list(const List &list, unsigned most) noexcept
+    {
+        constexpr std::size_t bytes[] = {4, 2, 2, 1}; // Of each PixelFormat.
+        const std::uint64_t texels = std::uint64_t(c_.width) * c_.height;
+        values_ = std::size(list) * sizeof *std::data(list) / bytes[c_.format];
+        channels_ = values_ <= most * texels && texels != 0 && values_ % texels == 0 ? unsigned(values_ / texels) : 0;
     }
     Struct c_;
+    std::uint32_t channels_ = 1;
 
 private:
     Self &self() noexcept { return static_cast<Self &>(*this); }
+    unsigned long long values_ = 0;
 };
+
 } // namespace detail
 
-// An input image with one channel. Since 16 bits may be integers or floats, they need the constructor with a format.
+// An input image with one channel.
 class Image : public detail::ImageBase<Image, vrtm_image> {
 public:
+    // A list with one value for each texel: a std::vector, std::array, std::span, an array of C or the like.
+    template <class List, class = decltype(std::size(std::declval<List &>()))>
+    Image(List &texels, std::uint32_t width, std::uint32_t height) noexcept
+        : Image(detail::texel<List>(), texels, width, height)
+    {
+    }
+    template <class List, class = decltype(std::size(std::declval<List &>()))>
+    Image(PixelFormat format, List &texels, std::uint32_t width, std::uint32_t height) noexcept
+        : ImageBase(vrtm_image_init(), format, std::data(texels), width, height)
+    {
+        set_list(texels, 1);
+    }
+
+    // The first of width * height texels. For one channel of several, set pixel_stride().
     Image(const float *data, std::uint32_t width, std::uint32_t height) noexcept
         : Image(PixelFormat::f32, data, width, height)
     {
@@ -319,30 +433,38 @@ public:
     {
     }
     Image(PixelFormat format, const void *data, std::uint32_t width, std::uint32_t height) noexcept
-        : ImageBase(vrtm_image_init(), width, height, format)
+        : ImageBase(vrtm_image_init(), format, data, width, height)
     {
-        c_.data = data;
     }
 };
 
-// An output image: as many channels as its content has, two for UVs.
+// An output image of 1 to 4 channels, which have to be those of its content: channels(kind), two for UVs. A third
+// channel after u and v is 0; a fourth, for a redirection, is 1 where a chart covers the texel and 0 elsewhere.
 class ImageOut : public detail::ImageBase<ImageOut, vrtm_image_out> {
 public:
-    ImageOut(float *data, std::uint32_t width, std::uint32_t height) noexcept
-        : ImageOut(PixelFormat::f32, data, width, height)
+    // A list with as many values for each texel as the image has channels: image_size(kind, width, height) in all.
+    template <class List, class = decltype(std::size(std::declval<List &>()))>
+    ImageOut(List &texels, std::uint32_t width, std::uint32_t height) noexcept
+        : ImageOut(detail::texel<List>(), texels, width, height)
     {
     }
-    ImageOut(PixelFormat format, void *data, std::uint32_t width, std::uint32_t height) noexcept
-        : ImageBase(vrtm_image_out_init(), width, height, format)
+    template <class List, class = decltype(std::size(std::declval<List &>()))>
+    ImageOut(PixelFormat format, List &texels, std::uint32_t width, std::uint32_t height) noexcept
+        : ImageOut(format, std::data(texels), width, height, 0)
     {
-        c_.data = data;
+        set_list(texels, 4);
+        c_.channels = channels_;
     }
-    // 3 adds a channel of 0 after u and v. 4, for a redirection, adds one that is 1 where a chart covers the texel and
-    // 0 elsewhere.
-    ImageOut &channels(std::uint32_t count) noexcept
+
+    // The first of width * height texels of so many channels; 0 = as many as the content has, which the caller knows.
+    ImageOut(float *data, std::uint32_t width, std::uint32_t height, std::uint32_t channels) noexcept
+        : ImageOut(PixelFormat::f32, data, width, height, channels)
     {
-        c_.channels = count;
-        return *this;
+    }
+    ImageOut(PixelFormat format, void *data, std::uint32_t width, std::uint32_t height, std::uint32_t channels) noexcept
+        : ImageBase(vrtm_image_out_init(), format, data, width, height)
+    {
+        c_.channels = channels;
     }
 };
 
@@ -406,6 +528,21 @@ private:
     void *data_;
 };
 
+namespace detail {
+// Calls a function of the host's, whose exceptions end here.
+template <class Call> void caught(const Call &call) noexcept
+{
+#if VRTM_EXCEPTIONS
+    try {
+        call();
+    } catch (...) {
+    }
+#else
+    call();
+#endif
+}
+} // namespace detail
+
 // ---- Device ----
 
 using Log = std::function<void(const vrtm_log_entry &entry)>;
@@ -434,14 +571,7 @@ struct DeviceDesc : vrtm_device_desc {
         keep_log = kept;
         log_user = kept.get();
         log = [](void *user, const vrtm_log_entry *entry) noexcept {
-#if VRTM_EXCEPTIONS
-            try {
-                (*static_cast<const Log *>(user))(*entry);
-            } catch (...) {
-            }
-#else
-            (*static_cast<const Log *>(user))(*entry);
-#endif
+            detail::caught([=] { (*static_cast<const Log *>(user))(*entry); });
         };
         return *this;
     }
@@ -588,9 +718,7 @@ public:
 
     Result<vrtm_device_info> info() const noexcept
     {
-        vrtm_device_info data = vrtm_device_info_init();
-        const vrtm_status status = vrtm_device_get_info(handle(), &data);
-        return {data, status};
+        return detail::get(vrtm_device_get_info, handle(), vrtm_device_info_init());
     }
 
 private:
@@ -642,10 +770,7 @@ public:
         indices_ = other.indices_;
         lists_ = other.lists_;
         base_ = other.base_;
-        weld_ = other.weld_;
-        weld_position_tolerance_ = other.weld_position_tolerance_;
-        weld_uv_tolerance_ = other.weld_uv_tolerance_;
-        max_layers_ = other.max_layers_;
+        numbers_ = other.numbers_;
         sets_ = other.sets_;
         link();
         return *this;
@@ -661,20 +786,19 @@ public:
     Mesh &textured_faces(const Indices &faces) noexcept { return set_list(textured, faces); }
     Mesh &weld(Weld weld) noexcept
     {
-        weld_ = weld;
+        numbers_.weld = vrtm::value(weld);
         return *this;
     }
     Mesh &weld(Weld weld, double position_tolerance, double uv_tolerance) noexcept
     {
-        weld_ = weld;
-        weld_position_tolerance_ = position_tolerance;
-        weld_uv_tolerance_ = uv_tolerance;
-        return *this;
+        numbers_.weld_position_tolerance = position_tolerance;
+        numbers_.weld_uv_tolerance = uv_tolerance;
+        return this->weld(weld);
     }
     // From 2 on: charts that lie over one another get up to so many layers.
     Mesh &max_layers(std::uint64_t count) noexcept
     {
-        max_layers_ = count;
+        numbers_.max_layers = count;
         return *this;
     }
     Mesh &add_uv_set(const UvSet &set)
@@ -684,10 +808,16 @@ public:
         return *this;
     }
 
+    // Good, unless the last seam lacks a vertex.
+    Result<> fits() const noexcept
+    {
+        const bool whole = !lists_[seam_pairs] || lists_[seam_pairs]->size() % 2 == 0;
+        return whole ? Result<>() : Result<>(Code::invalid_argument, "mesh.seams: an odd number of vertices");
+    }
     // Points into this object.
     vrtm_mesh_desc c() const & noexcept
     {
-        vrtm_mesh_desc c = vrtm_mesh_desc_init();
+        vrtm_mesh_desc c = numbers_;
         c.positions = &positions_.c();
         c.indices = indices_.data();
         c.index_count = indices_.size();
@@ -705,10 +835,6 @@ public:
         put(textured, c.textured_faces, c.textured_face_count);
         c.uv_sets = c_sets_.empty() ? nullptr : c_sets_.data();
         c.uv_set_count = c_sets_.size();
-        c.weld = vrtm::value(weld_);
-        c.weld_position_tolerance = weld_position_tolerance_;
-        c.weld_uv_tolerance = weld_uv_tolerance_;
-        c.max_layers = max_layers_;
         return c;
     }
     vrtm_mesh_desc c() const && = delete;
@@ -745,10 +871,7 @@ private:
     Indices indices_;
     std::array<std::optional<Indices>, lists> lists_;
     std::optional<UvSet> base_;
-    Weld weld_ = Weld::index;
-    double weld_position_tolerance_ = vrtm_mesh_desc_init().weld_position_tolerance;
-    double weld_uv_tolerance_ = vrtm_mesh_desc_init().weld_uv_tolerance;
-    std::uint64_t max_layers_ = 0;
+    vrtm_mesh_desc numbers_ = vrtm_mesh_desc_init(); // welding and layers; the rest is set by c()
     std::vector<UvSet> sets_;
     std::vector<vrtm_uv_set> c_sets_; // points into sets_
 };
@@ -804,9 +927,7 @@ public:
     // UDIM number, UV set and layer.
     Result<vrtm_tile_key> key() const noexcept
     {
-        vrtm_tile_key key{};
-        const vrtm_status status = vrtm_tile_get_key(handle_, &key);
-        return {key, status};
+        return detail::get(vrtm_tile_get_key, handle_, vrtm_tile_key{});
     }
     Result<std::uint32_t> udim() const noexcept
     {
@@ -815,14 +936,13 @@ public:
     }
     Result<vrtm_tile_info> info() const noexcept
     {
-        vrtm_tile_info data = vrtm_tile_info_init();
-        const vrtm_status status = vrtm_tile_get_info(handle_, &data);
-        return {data, status};
+        return detail::get(vrtm_tile_get_info, handle_, vrtm_tile_info_init());
     }
 
     Result<> set_rigidity(const Image &map) const noexcept
     {
-        return Result<>(vrtm_tile_set_rigidity(handle_, &map.c()));
+        const Result<> fits = map.fits("rigidity");
+        return fits ? Result<>(vrtm_tile_set_rigidity(handle_, &map.c())) : fits;
     }
     // Removes the map.
     Result<> set_rigidity(std::nullptr_t) const noexcept
@@ -832,9 +952,14 @@ public:
     Result<> update_rigidity(const Image &map, std::uint32_t x, std::uint32_t y, std::uint32_t width,
                                  std::uint32_t height) const noexcept
     {
-        return Result<>(vrtm_tile_update_rigidity(handle_, &map.c(), x, y, width, height));
+        const Result<> fits = map.fits("rigidity");
+        return fits ? Result<>(vrtm_tile_update_rigidity(handle_, &map.c(), x, y, width, height)) : fits;
     }
-    Result<> set_mask(const Image &mask) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, &mask.c())); }
+    Result<> set_mask(const Image &mask) const noexcept
+    {
+        const Result<> fits = mask.fits("mask");
+        return fits ? Result<>(vrtm_tile_set_mask(handle_, &mask.c())) : fits;
+    }
     // Removes the mask.
     Result<> set_mask(std::nullptr_t) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, nullptr)); }
 
@@ -859,16 +984,12 @@ public:
     // Cells of the grid in u and v with the present rigidity and settings.
     Result<vrtm_tile_grid> grid() const noexcept
     {
-        vrtm_tile_grid cells{};
-        const vrtm_status status = vrtm_tile_get_grid(handle_, &cells);
-        return {cells, status};
+        return detail::get(vrtm_tile_get_grid, handle_, vrtm_tile_grid{});
     }
 
     Result<vrtm_tile_estimate> estimate() const noexcept
     {
-        vrtm_tile_estimate estimate = vrtm_tile_estimate_init();
-        const vrtm_status status = vrtm_tile_get_estimate(handle_, &estimate);
-        return {estimate, status};
+        return detail::get(vrtm_tile_get_estimate, handle_, vrtm_tile_estimate_init());
     }
 
     // The prepared tile, for load().
@@ -898,11 +1019,13 @@ public:
         return load(data.data(), data.size());
     }
 
-    // One output of the last solve; for FetchKind::uv_set and uv_set_delta UVs of the set `uv_set`.
+    // One output of the last solve, of any size, with channels(kind) values per texel; for FetchKind::uv_set and
+    // uv_set_delta UVs of the set `uv_set`.
     Result<> fetch(FetchKind kind, const ImageOut &image, std::uint32_t uv_set = 0) const noexcept
     {
         const vrtm_fetch c = detail::fetch(handle_, kind, image, uv_set);
-        return Result<>(vrtm_asset_fetch(&c, 1));
+        const Result<> fits = image.fits("image");
+        return fits ? Result<>(vrtm_asset_fetch(&c, 1)) : fits;
     }
     // Of an image of `width` x `height` texels the rectangle of `image`'s size that begins at (x, y).
     Result<> fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
@@ -913,13 +1036,16 @@ public:
         c.y = y;
         c.whole_width = width;
         c.whole_height = height;
-        return Result<>(vrtm_asset_fetch(&c, 1));
+        const Result<> fits = image.fits("image");
+        return fits ? Result<>(vrtm_asset_fetch(&c, 1)) : fits;
     }
 
-    // What a texture must hold around the tile's charts, up to `reach` in UV from their seams. Needs no solve.
+    // What a texture must hold around the tile's charts, up to `reach` in UV from their seams: an image of 2 to 4
+    // channels. Needs no solve.
     Result<> fetch_dilation(double reach, const ImageOut &image) const noexcept
     {
-        return Result<>(vrtm_tile_fetch_dilation(handle_, reach, &image.c()));
+        const Result<> fits = image.fits("image");
+        return fits ? Result<>(vrtm_tile_fetch_dilation(handle_, reach, &image.c())) : fits;
     }
 
     // A redirection into memory of the host's own Vulkan device.
@@ -938,9 +1064,7 @@ public:
 
     Result<vrtm_tile_report> report() const noexcept
     {
-        vrtm_tile_report report = vrtm_tile_report_init();
-        const vrtm_status status = vrtm_tile_get_report(handle_, &report);
-        return {report, status};
+        return detail::get(vrtm_tile_get_report, handle_, vrtm_tile_report_init());
     }
 
     // The painted features that are worse than without vrtm, the worst first, of a solve that measured.
@@ -963,33 +1087,8 @@ private:
 
 // ---- Solve ----
 
-// Where to write vectors: the caller's memory.
-class ArrayOut {
-public:
-    ArrayOut(float *data, std::size_t count, std::size_t stride = 0) noexcept
-        : ArrayOut(Scalar::f32, data, count, stride)
-    {
-    }
-    ArrayOut(double *data, std::size_t count, std::size_t stride = 0) noexcept
-        : ArrayOut(Scalar::f64, data, count, stride)
-    {
-    }
-    ArrayOut(Scalar format, void *data, std::size_t count, std::size_t stride = 0) noexcept
-    {
-        c_.format = vrtm::value(format);
-        c_.data = data;
-        c_.count = count;
-        c_.stride = stride;
-    }
-
-    const vrtm_array_out &c() const & noexcept { return c_; }
-    const vrtm_array_out &c() const && = delete; // It would be gone.
-
-private:
-    vrtm_array_out c_ = vrtm_array_out_init();
-};
-
-// Destinations of carried points: the fields of vrtm_carried.
+// Destinations of carried points: the fields of vrtm_carried. Each array has one element for each of the points:
+// positions of 3 components, rotations of 4, matrices of 9, stretch and uvs of 2.
 struct Carried : vrtm_carried {
     Carried() noexcept : vrtm_carried(vrtm_carried_init()) {}
 };
@@ -1014,13 +1113,18 @@ public:
             add(fetch);
         }
     }
-    Fetches(const Fetches &other) : targets_(other.targets_), fetches_(other.fetches_) { link(); }
+    Fetches(const Fetches &other) : fits_(other.fits_), targets_(other.targets_), fetches_(other.fetches_) { link(); }
     Fetches(Fetches &&) noexcept = default;
     Fetches &operator=(Fetches &&) noexcept = default;
     Fetches &operator=(const Fetches &other) { return *this = Fetches(other); }
 
     Fetches &add(const Fetch &fetch)
     {
+        if (fits_) {
+            char image[48];
+            std::snprintf(image, sizeof image, "fetches[%lu].image", static_cast<unsigned long>(size()));
+            fits_ = fetch.image.fits(image);
+        }
         fetches_.push_back(detail::fetch(fetch.tile.handle(), fetch.kind, fetch.image, fetch.uv_set));
         targets_.push_back({fetch.image.c(), vrtm_carried_init()});
         link();
@@ -1040,6 +1144,8 @@ public:
 
     std::size_t size() const noexcept { return fetches_.size(); }
     const vrtm_fetch *c() const noexcept { return fetches_.data(); }
+    // Good, unless an image is not as long as its list: the first that is not.
+    const Result<> &fits() const noexcept { return fits_; }
 
 private:
     void link() noexcept
@@ -1056,6 +1162,7 @@ private:
         vrtm_carried carried;
     };
 
+    Result<> fits_;
     std::vector<Target> targets_;
     std::vector<vrtm_fetch> fetches_; // point into targets_
 };
@@ -1133,15 +1240,9 @@ private:
         if (*function) {
             c.progress_user = const_cast<Progress *>(function);
             c.progress = [](void *user, float done) noexcept -> std::uint32_t {
-#if VRTM_EXCEPTIONS
-                try {
-                    return (*static_cast<const Progress *>(user))(done) == Proceed::yes ? 0 : 1;
-                } catch (...) {
-                    return 1;
-                }
-#else
-                return (*static_cast<const Progress *>(user))(done) == Proceed::yes ? 0 : 1;
-#endif
+                Proceed proceed = Proceed::no;
+                detail::caught([&] { proceed = (*static_cast<const Progress *>(user))(done); });
+                return proceed == Proceed::yes ? 0 : 1;
             };
         }
         return c;
@@ -1227,9 +1328,7 @@ public:
     Result<> extend() const noexcept { return Result<>(vrtm_refinement_extend(handle())); }
     Result<vrtm_refinement_info> info() const noexcept
     {
-        vrtm_refinement_info data = vrtm_refinement_info_init();
-        const vrtm_status status = vrtm_refinement_get_info(handle(), &data);
-        return {data, status};
+        return detail::get(vrtm_refinement_get_info, handle(), vrtm_refinement_info_init());
     }
     Result<RefinementPattern> pattern() const
     {
@@ -1253,26 +1352,31 @@ public:
         }
         return {std::move(p), result};
     }
-    // Writes the pattern into the caller's arrays.
+    // Writes the pattern into the caller's arrays, whose lengths are those of pattern() above.
     Result<> pattern(const vrtm_refinement_pattern &pattern) const noexcept
     {
         return Result<>(vrtm_refinement_fetch_pattern(handle(), &pattern));
     }
-    // UVs of the last result: one pair (u, v) per corner of the refined mesh.
+    // UVs of the last result: one pair (u, v) per corner of the refined mesh, 2 * info()->corners numbers.
     Result<std::vector<float>> corner_uvs() const
     {
         const Result<vrtm_refinement_info> data = info();
         std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
         Result<> result = data;
         if (result) {
-            result = corner_uvs(uvs.data(), uvs.size() / 2);
+            result = corner_uvs(uvs);
         }
         return {std::move(uvs), result};
     }
-    // Writes the UVs into the caller's memory: `count` pairs, as many as the refinement has corners.
-    Result<> corner_uvs(float *uvs, std::size_t count) const noexcept
+    // Writes the UVs into a list of floats, 2 for each of info()->corners.
+    template <class List> Result<> corner_uvs(List &uvs) const noexcept
     {
-        return Result<>(vrtm_refinement_fetch_corner_uvs(handle(), uvs, count));
+        float *const data = std::data(uvs);
+        return corner_uvs(reinterpret_cast<float(*)[2]>(data), std::size(uvs) / 2);
+    }
+    Result<> corner_uvs(float (*uvs)[2], std::size_t count) const noexcept
+    {
+        return Result<>(vrtm_refinement_fetch_corner_uvs(handle(), reinterpret_cast<float *>(uvs), count));
     }
 
 private:
@@ -1305,11 +1409,11 @@ struct CarrierDesc : vrtm_carrier_desc {
         return *this;
     }
     CarrierDesc &at_uvs(const Array &&) = delete; // It would be gone.
-    // Three corners of one face and their weights for each point.
+    // Three corners of one face and their weights for each point. Another number of corners is refused, as no corners.
     CarrierDesc &at_corners(const Indices &indices, const Array &array) noexcept
     {
         bind = vrtm::value(Bind::corners);
-        corners = indices.data();
+        corners = indices.size() == 3 * array.c().count ? indices.data() : nullptr;
         weights = &array.c();
         return *this;
     }
@@ -1333,23 +1437,21 @@ public:
 
     Result<vrtm_carrier_info> info() const noexcept
     {
-        vrtm_carrier_info data = vrtm_carrier_info_init();
-        const vrtm_status status = vrtm_carrier_get_info(handle(), &data);
-        return {data, status};
+        return detail::get(vrtm_carrier_get_info, handle(), vrtm_carrier_info_init());
     }
-    // Carries the points into the pose of the last solve.
+    // Carries the points into the pose of the last solve: info()->points elements in each array.
     Result<> fetch(const vrtm_carried &carried) const noexcept
     {
         return Result<>(vrtm_carrier_fetch(handle(), &carried));
     }
-    // Positions alone.
+    // Positions alone: info()->points elements of 3 components.
     Result<> positions(const ArrayOut &out) const noexcept
     {
         Carried carried;
         carried.positions = &out.c();
         return fetch(carried);
     }
-    // The binding of each point.
+    // The binding of each of info()->points.
     Result<std::vector<PointState>> states() const
     {
         const Result<vrtm_carrier_info> data = info();
@@ -1381,7 +1483,8 @@ public:
 
     static Result<Asset> create(const Device &device, const Mesh &mesh) noexcept
     {
-        return create(device, mesh.c());
+        const Result<> fits = mesh.fits();
+        return fits ? create(device, mesh.c()) : Result<Asset>(Asset(), fits);
     }
     static Result<Asset> create(const Device &device, const vrtm_mesh_desc &mesh) noexcept
     {
@@ -1392,9 +1495,7 @@ public:
 
     Result<vrtm_asset_info> info() const noexcept
     {
-        vrtm_asset_info data = vrtm_asset_info_init();
-        const vrtm_status status = vrtm_asset_get_info(handle(), &data);
-        return {data, status};
+        return detail::get(vrtm_asset_get_info, handle(), vrtm_asset_info_init());
     }
 
     Result<std::uint32_t> tile_count() const noexcept
@@ -1470,7 +1571,8 @@ public:
                           const SolveOptions &options = SolveOptions()) const noexcept
     {
         const vrtm_solve_options c = options.c();
-        return Result<>(vrtm_asset_redirect(handle(), &positions.c(), &c, fetches.c(), fetches.size()));
+        const Result<> &fits = fetches.fits();
+        return fits ? Result<>(vrtm_asset_redirect(handle(), &positions.c(), &c, fetches.c(), fetches.size())) : fits;
     }
     // Cancels the solve in progress, on another thread or of a job.
     Result<> cancel() const noexcept { return Result<>(vrtm_asset_cancel(handle())); }
@@ -1487,21 +1589,27 @@ public:
         return {Job(handle_of_job, std::move(kept)), status};
     }
 
-    // Redirected UVs: one pair (u, v) per face corner.
+    // Redirected UVs: one pair (u, v) per face corner, 2 * info()->corners numbers.
     Result<std::vector<float>> corner_uvs(std::uint32_t uv_set = 0) const
     {
         const Result<vrtm_asset_info> data = info();
         std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
         Result<> result = data;
         if (result) {
-            result = corner_uvs(uvs.data(), uvs.size() / 2, uv_set);
+            result = corner_uvs(uvs, uv_set);
         }
         return {std::move(uvs), result};
     }
-    // Writes the UVs into the caller's memory: `count` pairs, as many as the mesh has corners.
-    Result<> corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const noexcept
+    // Writes the UVs into a list of floats, 2 for each of info()->corners.
+    template <class List, class = decltype(std::size(std::declval<List &>()))>
+    Result<> corner_uvs(List &uvs, std::uint32_t uv_set = 0) const noexcept
     {
-        return Result<>(vrtm_asset_fetch_corner_uvs(handle(), uv_set, uvs, count));
+        float *const data = std::data(uvs);
+        return corner_uvs(reinterpret_cast<float(*)[2]>(data), std::size(uvs) / 2, uv_set);
+    }
+    Result<> corner_uvs(float (*uvs)[2], std::size_t count, std::uint32_t uv_set = 0) const noexcept
+    {
+        return Result<>(vrtm_asset_fetch_corner_uvs(handle(), uv_set, reinterpret_cast<float *>(uvs), count));
     }
 
     // Refines the mesh for the last result.
@@ -1522,9 +1630,7 @@ public:
 
     Result<vrtm_asset_report> report() const noexcept
     {
-        vrtm_asset_report report = vrtm_asset_report_init();
-        const vrtm_status status = vrtm_asset_get_report(handle(), &report);
-        return {report, status};
+        return detail::get(vrtm_asset_get_report, handle(), vrtm_asset_report_init());
     }
 
 private:

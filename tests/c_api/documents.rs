@@ -44,10 +44,11 @@ fn called(code: &str) -> BTreeSet<&str> {
 fn the_wrapper_has_every_function_of_the_header_and_a_test_of_each_of_its_own() {
     let (header, wrapper) = (read("include/vrtm.h"), read("include/vrtm.hpp"));
     let tests = read("tests/host/wrapper.cpp");
-    let (own, tested) = (called(&wrapper), called(&tests));
+    let tested = called(&tests);
+    let used = |name: &str| ["(", ","].iter().any(|end| wrapper.contains(&format!("{name}{end}")));
     let missing: Vec<_> = functions(&header)
         .into_iter()
-        .filter(|name| !own.contains(name))
+        .filter(|name| !used(name))
         .filter(|name| *name != "vrtm_defaults") // For languages without the header's inline functions.
         .collect();
     assert!(missing.is_empty(), "not in vrtm.hpp: {missing:?}");

@@ -76,7 +76,7 @@ void final_frame(const vrtm::Asset &asset, const vrtm::Array &positions, std::ui
     for (const vrtm::Tile tile : asset.tiles().value()) {
         for (std::uint32_t y = 0; y < size; y += rows) {
             const std::uint32_t height = y + rows < size ? rows : size - y;
-            tile.fetch_part(vrtm::FetchKind::redirection, {band.data(), size, height}, 0, y, size, size).value();
+            tile.fetch_part(vrtm::FetchKind::redirection, {band.data(), size, height, 2}, 0, y, size, size).value();
             write(tile, y, height, band);
         }
     }
@@ -121,7 +121,7 @@ int main()
         }
         check_that(expected[0] != expected[1] && expected[1].size() == 2 * 200 * 200, "frames in order", "");
         Band at_once(2 * 200 * 200);
-        first.tile(0).value().fetch(vrtm::FetchKind::redirection, {at_once.data(), 200, 200}).value();
+        first.tile(0).value().fetch(vrtm::FetchKind::redirection, {at_once, 200, 200}).value();
         check_that(at_once == expected.back(), "the bands are the map", "");
 
         const vrtm::Device other = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu)).value();

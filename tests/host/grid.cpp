@@ -82,18 +82,18 @@ std::array<double, 2> warped(const std::vector<float> &warp, int side, double u,
 /* The errors of all discs but those at the border, root mean square: with the mesh's own UVs, and with the warp. */
 std::array<double, 2> errors(const vrtm::Device &device, const Scene &scene, std::uint32_t grid)
 {
-    vrtm::Mesh mesh(vrtm::Array(scene.rest.data(), scene.rest.size() / 3), scene.indices);
-    mesh.uvs(vrtm::Array(scene.uvs.data(), scene.uvs.size() / 2)).uv_indices(scene.indices);
+    vrtm::Mesh mesh(vrtm::Array::of<3>(scene.rest), scene.indices);
+    mesh.uvs(vrtm::Array::of<2>(scene.uvs)).uv_indices(scene.indices);
     const vrtm::Asset asset = vrtm::Asset::create(device, mesh).value();
     const vrtm::Tile tile = asset.tile(0).value();
-    tile.set_rigidity(vrtm::Image(scene.rigidity.data(), texels, texels).origin(vrtm::Origin::bottom)).value();
+    tile.set_rigidity(vrtm::Image(scene.rigidity, texels, texels).origin(vrtm::Origin::bottom)).value();
     vrtm::TileSettings settings;
     settings.grid_width = settings.grid_height = grid;
     tile.set_settings(settings).value();
-    asset.solve(vrtm::Array(scene.posed.data(), scene.posed.size() / 3)).value();
+    asset.solve(vrtm::Array::of<3>(scene.posed)).value();
     const int side = int(grid) + 1;
     std::vector<float> warp(2 * std::size_t(side) * std::size_t(side));
-    const vrtm::ImageOut image(warp.data(), std::uint32_t(side), std::uint32_t(side));
+    const vrtm::ImageOut image(warp, std::uint32_t(side), std::uint32_t(side));
     tile.fetch(vrtm::FetchKind::warp, vrtm::ImageOut(image).origin(vrtm::Origin::bottom)).value();
 
     std::array<double, 2> sums = {};

@@ -47,9 +47,9 @@ private:
     {
         if (seat.mesh != in.mesh) {
             const MeshData &m = *in.mesh;
-            vrtm::Mesh mesh(vrtm::Array(m.points.data(), m.points.size() / 4, 4 * sizeof(double)), m.connects);
+            vrtm::Mesh mesh(vrtm::Array::of<4>(m.points), m.connects);
             mesh.face_counts(m.counts)
-                .uvs(vrtm::Array(m.u.data(), m.u.size()), vrtm::Array(m.v.data(), m.v.size()))
+                .uvs(vrtm::Array::of<1>(m.u), vrtm::Array::of<1>(m.v))
                 .uv_indices(m.uv_ids);
             vrtm::Result<vrtm::Asset> asset = vrtm::Asset::create(device_, mesh);
             if (!asset) {
@@ -97,9 +97,9 @@ private:
         options.set_progress(
             [&in](float) { return in.interrupted() ? vrtm::Proceed::no : vrtm::Proceed::yes; });
         std::vector<float> map(2 * std::size_t(out.size) * out.size);
-        const vrtm::Array points(in.points.data(), in.points.size() / 4, 4 * sizeof(double));
+        const vrtm::Array points = vrtm::Array::of<4>(in.points);
         vrtm::Result<> result =
-            seat.asset.redirect(points, {{seat.tile, vrtm::ImageOut(map.data(), out.size, out.size)}}, options);
+            seat.asset.redirect(points, {{seat.tile, vrtm::ImageOut(map, out.size, out.size)}}, options);
         if (result) {
             out.redirection = std::move(map);
         }

@@ -81,8 +81,7 @@ public:
     {
         Picture picture(2 * screen * screen);
         Clock::time_point start = Clock::now();
-        const vrtm::Result<> fetched =
-            tile_.fetch(vrtm::FetchKind::redirection, {picture.data(), screen, screen});
+        const vrtm::Result<> fetched = tile_.fetch(vrtm::FetchKind::redirection, {picture, screen, screen});
         longest_fetch = std::max(longest_fetch, ms_since(start));
         start = Clock::now();
         const vrtm::Result<vrtm_tile_report> report = tile_.report();

@@ -90,7 +90,7 @@ Map redirection(const vrtm::Asset &asset, const vrtm::Array &points)
 {
     Map map(2 * MAP * MAP);
     const vrtm::Result<> result =
-        asset.redirect(points, {{*asset.find_tile(1001), vrtm::ImageOut(map.data(), MAP, MAP)}});
+        asset.redirect(points, {{*asset.find_tile(1001), vrtm::ImageOut(map, MAP, MAP)}});
     return result ? map : Map();
 }
 
@@ -125,7 +125,7 @@ void arrays(const vrtm::Device &device)
     const double *flat = &pose[0][0];
     check_that(same(redirection(asset, {flat, VERTICES, 4 * sizeof(double)}), expected), "a stride", "");
     check_that(same(redirection(asset, {pose_f32, VERTICES}), expected), "float3 positions", "");
-    check_that(same(redirection(asset, {&pose_f32[0][0], VERTICES}), expected), "packed floats", "");
+    check_that(same(redirection(asset, {&pose_f32[0][0], VERTICES, 12}), expected), "packed floats", "");
     struct Vector {
         float x, y, z;
         std::uint32_t flags;
@@ -136,9 +136,9 @@ void arrays(const vrtm::Device &device)
         vectors.push_back({p[0], p[1], p[2], 0xffffffff});
         packed.insert(packed.end(), p, p + 3);
     }
-    check_that(same(redirection(asset, vrtm::Array::of<float>(vectors.data(), VERTICES)), expected), "own vectors", "");
-    check_that(same(redirection(asset, {packed.data(), VERTICES}), expected), "packed doubles", "");
-    check_that(same(redirection(asset, {vrtm::Scalar::f64, packed.data(), VERTICES}), expected), "without a type", "");
+    check_that(same(redirection(asset, vrtm::Array::of<float>(vectors)), expected), "own vectors", "");
+    check_that(same(redirection(asset, vrtm::Array::of<3>(packed)), expected), "packed doubles", "");
+    check_that(same(redirection(asset, {vrtm::Scalar::f64, packed.data(), VERTICES, 0}), expected), "no type", "");
     refuses("a missing vertex", asset.solve({pose, VERTICES - 1}), vrtm::Code::invalid_argument, "168 elements");
     refuses("two components", asset.solve({s.uvs, VERTICES}), vrtm::Code::invalid_argument, "stride");
 
@@ -149,7 +149,7 @@ void arrays(const vrtm::Device &device)
         v.push_back(uv[1]);
     }
     vrtm::Mesh mesh = quads();
-    mesh.uvs(vrtm::Array(u.data(), VERTICES), vrtm::Array(v.data(), VERTICES));
+    mesh.uvs(vrtm::Array::of<1>(u), vrtm::Array::of<1>(v));
     asset = *vrtm::Asset::create(device, mesh);
     works("an asset of separate u and v", asset.find_tile(1001)->set_rigidity(rigidity()));
     check_that(same(redirection(asset, {pose, VERTICES}), expected), "gives the same", "");
@@ -189,28 +189,24 @@ void images(const vrtm::Device &device)
             rgba[y * (4 * MAP + 64) + 4 * x + 2] = s.rigidity[y][x];
         }
     }
-    gives_the_same("an f32 image", {floats.data(), MAP, MAP});
-    gives_the_same("an f16 image", {vrtm::PixelFormat::f16, halves.data(), MAP, MAP});
-    gives_the_same("a u16 image", {vrtm::PixelFormat::u16, shorts.data(), MAP, MAP});
+    gives_the_same("an f32 image", {floats, MAP, MAP});
+    gives_the_same("an f16 image", {vrtm::PixelFormat::f16, halves, MAP, MAP});
+    gives_the_same("a u16 image", {vrtm::PixelFormat::u16, shorts, MAP, MAP});
     gives_the_same("a u8 image", {vrtm::PixelFormat::u8, &s.rigidity[0][0], MAP, MAP});
-    gives_the_same("rows from the bottom", vrtm::Image(upside_down.data(), MAP, MAP).origin(vrtm::Origin::bottom));
+    gives_the_same("rows from the bottom", vrtm::Image(upside_down, MAP, MAP).origin(vrtm::Origin::bottom));
     gives_the_same("one channel of four",
                    vrtm::Image(rgba.data() + 2, MAP, MAP).pixel_stride(4).row_stride(4 * MAP + 64));
 
     Map rows(2 * MAP * MAP), wide(4 * MAP * MAP, -1), delta(2 * MAP * MAP), texel(2);
     works("fetch from the bottom", tile.fetch(vrtm::FetchKind::redirection,
-                                                  vrtm::ImageOut(rows.data(), MAP, MAP).origin(vrtm::Origin::bottom)));
+                                                  vrtm::ImageOut(rows, MAP, MAP).origin(vrtm::Origin::bottom)));
     works("fetch two channels of four",
           tile.fetch(vrtm::FetchKind::redirection,
-                         vrtm::ImageOut(wide.data() + 2, MAP, MAP).pixel_stride(16).row_stride(16 * MAP)));
-    works("fetch the delta", tile.fetch(vrtm::FetchKind::redirection_delta, {delta.data(), MAP, MAP}));
+                         vrtm::ImageOut(wide.data() + 2, MAP, MAP, 2).pixel_stride(16).row_stride(16 * MAP)));
+    works("fetch the delta", tile.fetch(vrtm::FetchKind::redirection_delta, {delta, MAP, MAP}));
     Map with_coverage(4 * MAP * MAP);
     works("fetch four channels",
-          tile.fetch(vrtm::FetchKind::redirection_udim,
-                         vrtm::ImageOut(with_coverage.data(), MAP, MAP).channels(4)));
-    vrtm::ImageOut back(with_coverage.data(), MAP, MAP);
-    back.channels(3);
-    check_that(back.c().channels == 3, "an image's settings", "");
+          tile.fetch(vrtm::FetchKind::redirection_udim, {with_coverage, MAP, MAP}));
     check_that(with_coverage[4 * (MAP / 2 * MAP + MAP / 2) + 3] == 1 && with_coverage[3] == 0, "coverage", "");
     const vrtm::Result<vrtm_map_info> looked_at =
         tile.inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16));
@@ -218,12 +214,12 @@ void images(const vrtm::Device &device)
     check_that(looked_at->folds == 0 && looked_at->error_rms > 0, "its figures", "");
     refuses("no map", tile.inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
     works("fetch a part",
-          tile.fetch_part(vrtm::FetchKind::redirection, {texel.data(), 1, 1}, 21, 40, MAP, MAP));
+          tile.fetch_part(vrtm::FetchKind::redirection, {texel, 1, 1}, 21, 40, MAP, MAP));
     const float texel_s_side = 1 / float(MAP);
     Map beside(2 * MAP * MAP);
-    works("fetch a dilation", tile.fetch_dilation(1.0 / 16, {beside.data(), MAP, MAP}));
+    works("fetch a dilation", tile.fetch_dilation(1.0 / 16, {beside, MAP, MAP}));
     check_that(beside[0] > 0 && beside[0] < texel_s_side, "its first texel keeps its place", "");
-    refuses("a dilation without reach", tile.fetch_dilation(0, {beside.data(), MAP, MAP}), vrtm::Code::invalid_argument,
+    refuses("a dilation without reach", tile.fetch_dilation(0, {beside, MAP, MAP}), vrtm::Code::invalid_argument,
             "reach");
     refuses("memory of a GPU on the CPU",
             tile.fetch_external(vrtm::FetchKind::redirection,
@@ -235,7 +231,7 @@ void images(const vrtm::Device &device)
             vrtm::Code::invalid_argument, "image.handle_kind");
     std::vector<std::uint16_t> half_delta(2 * MAP * MAP);
     works("fetch f16", tile.fetch(vrtm::FetchKind::redirection_delta,
-                                      {vrtm::PixelFormat::f16, half_delta.data(), MAP, MAP}));
+                                      {vrtm::PixelFormat::f16, half_delta, MAP, MAP}));
     bool flipped = true, channels = true, halved = true;
     for (int y = 0; y < MAP; ++y) {
         for (int x = 0; x < 2 * MAP; ++x) {
@@ -301,7 +297,7 @@ void meshes(const vrtm::Device &device)
         u[k] = 1.5f + 0.3f * s.uvs[k][1];
         v[k] = s.uvs[k][0];
     }
-    first->add_uv_set(vrtm::UvSet(vrtm::Array(u.data(), VERTICES), vrtm::Array(v.data(), VERTICES)).uv_indices(corners));
+    first->add_uv_set(vrtm::UvSet(vrtm::Array::of<1>(u), vrtm::Array::of<1>(v)).uv_indices(corners));
     vrtm::Mesh copy(*first), assigned = quads();
     assigned = *first;
     check_that(copy.c().uv_sets[0].uvs != first->c().uv_sets[0].uvs &&
@@ -546,7 +542,7 @@ void tiles(const vrtm::Device &device)
     check_that(tile.report()->udim == 1001 && tile.report()->folds == 0, "a report", "");
     check_that(tile.worst_features() && tile.worst_features()->empty(), "no features without measure", "");
     const std::vector<std::uint8_t> fixed(MAP * MAP, 0);
-    works("a mask", tile.set_mask({fixed.data(), MAP, MAP}));
+    works("a mask", tile.set_mask({fixed, MAP, MAP}));
     check_that(!same(redirection(asset, {pose, VERTICES}), expected), "holds all", "");
     works("no mask", tile.set_mask(nullptr));
     check_that(same(redirection(asset, {pose, VERTICES}), expected), "lets all go", "");
@@ -594,7 +590,7 @@ void outputs(const vrtm::Device &device)
     /* The descriptions of the images are gone when the list is used. */
     vrtm::Fetches fetches;
     {
-        const vrtm::ImageOut image(map.data(), MAP, MAP), nodes(warp.data(), MAP + 1, MAP + 1);
+        const vrtm::ImageOut image(map, MAP, MAP), nodes(warp, MAP + 1, MAP + 1);
         fetches.add({tile, image});
         for (int i = 0; i < 100; ++i) {
             fetches.add({tile, nodes, vrtm::FetchKind::warp});
@@ -605,24 +601,24 @@ void outputs(const vrtm::Device &device)
                "a list that grows keeps its images", "");
     refuses("images that overlap", asset.redirect({pose, VERTICES}, fetches), vrtm::Code::invalid_argument,
             "fetches");
-    fetches = {{tile, {map.data(), MAP, MAP}}, {tile, {warp.data(), MAP + 1, MAP + 1}, vrtm::FetchKind::warp}};
+    fetches = {{tile, {map, MAP, MAP}}, {tile, {warp, MAP + 1, MAP + 1}, vrtm::FetchKind::warp}};
     const vrtm::Fetches copy(fetches), moved(std::move(fetches));
     vrtm::SolveOptions options;
     options.threads = 1;
     works("a list that was copied", asset.redirect({pose, VERTICES}, copy, options));
     check_that(same(map, expected) && copy.c()[0].image != moved.c()[0].image, "has images of its own", "");
     works("a list that was moved", asset.redirect({pose, VERTICES}, moved));
-    works("the warp", tile.fetch(vrtm::FetchKind::warp, {fetched.data(), MAP + 1, MAP + 1}));
+    works("the warp", tile.fetch(vrtm::FetchKind::warp, {fetched, MAP + 1, MAP + 1}));
     check_that(same(warp, fetched), "is what fetch gives", "");
 
     const vrtm::Result<std::vector<float>> uvs = asset.corner_uvs();
-    Map own(2 * CORNERS), of_set(2 * CORNERS);
+    Map own(2 * CORNERS), of_set(2 * CORNERS), few(6);
     works("corner UVs", uvs);
-    works("into a buffer", asset.corner_uvs(own.data(), CORNERS));
-    works("of a UV set", asset.corner_uvs(of_set.data(), CORNERS, 0));
+    works("into a buffer", asset.corner_uvs(own));
+    works("of a UV set", asset.corner_uvs(of_set, 0));
     check_that(same(own, *uvs) && same(of_set, own) && own.size() == 2 * CORNERS, "are the same", "");
     refuses("a UV set that is not there", asset.corner_uvs(1), vrtm::Code::invalid_argument, "uv_set");
-    refuses("too few corners", asset.corner_uvs(own.data(), 3), vrtm::Code::invalid_argument, "count");
+    refuses("too few corners", asset.corner_uvs(few), vrtm::Code::invalid_argument, "count");
     check_that(asset.report()->tiles == 1 && asset.report()->folds == 0, "an asset's report", "");
     check_that(asset.report()->scale > 0, "has the stretch of the pose's edges", "");
 
@@ -650,7 +646,7 @@ void options(const vrtm::Device &device, const Map &expected)
         moved.push_back(uv[1]);
     }
     vrtm::Mesh mesh = quads();
-    mesh.add_uv_set(vrtm::UvSet(vrtm::Array(moved.data(), VERTICES)).uv_indices(corners));
+    mesh.add_uv_set(vrtm::UvSet(vrtm::Array::of<2>(moved)).uv_indices(corners));
     const vrtm::Asset asset = *vrtm::Asset::create(device, mesh);
     const std::vector<vrtm::Tile> tiles = *asset.tiles();
     for (const vrtm::Tile tile : tiles) {
@@ -712,7 +708,7 @@ void refinements(const vrtm::Device &device)
                    pattern.vertex_sources[3 * (VERTICES - 1)] == VERTICES - 1,
                "its pattern", "");
     std::vector<float> uvs(2 * static_cast<std::size_t>(data.corners));
-    works("corner UVs", refinement.corner_uvs(uvs.data(), uvs.size() / 2));
+    works("corner UVs", refinement.corner_uvs(uvs));
     check_that(uvs == *refinement.corner_uvs() && uvs != pattern.corner_uvs, "are redirected", "");
     asset.reset();
     const vrtm::Refinement moved(std::move(refinement));
@@ -728,18 +724,18 @@ void carriers(const vrtm::Device &device)
     refuses("has no points", empty.states(), vrtm::Code::invalid_handle, "carrier");
     vrtm::Asset asset = ready(device);
     const float uvs[] = {0.5F, 0.5F, 0.25F, 0.75F};
-    const vrtm::Array at(uvs, 2);
+    const vrtm::Array at = vrtm::Array::of<2>(uvs);
     vrtm::CarrierDesc desc;
     vrtm::Carrier carrier = *asset.carrier(desc.at_uvs(at));
     check_that(carrier.info()->points == 2 && carrier.states()->size() == 2, "two points", "");
     double points[2][4] = {{0, 0, 0, 7}, {0, 0, 0, 7}};
-    const vrtm::ArrayOut out(points[0], 2, sizeof points[0]);
+    const vrtm::ArrayOut out(points, 2);
     refuses("a fetch before a solve", carrier.positions(out), vrtm::Code::not_solved, "");
     works("a pose", asset.solve({pose, VERTICES}));
     works("positions", carrier.positions(out));
     check_that((points[0][0] != 0 || points[0][1] != 0) && points[1][3] == 7, "are carried", "");
     float turns[2][4];
-    const vrtm::ArrayOut rotations(turns[0], 2);
+    const vrtm::ArrayOut rotations(turns, 2);
     vrtm::Carried carried;
     carried.rotations = &rotations.c();
     works("rotations", carrier.fetch(carried));
@@ -747,22 +743,73 @@ void carriers(const vrtm::Device &device)
     turns[1][2] = 9;
     std::vector<float> map(8 * 8 * 2);
     vrtm::Fetches fetches;
-    fetches.add(carrier.handle(), carried).add({*asset.find_tile(1001), {map.data(), 8, 8}});
+    fetches.add(carrier.handle(), carried).add({*asset.find_tile(1001), {map, 8, 8}});
     const vrtm::Fetches copy(fetches);
     works("an image and points of one solve", asset.redirect({pose, VERTICES}, copy));
     check_that(turns[1][2] == expected && map[2 * 63] > 0.5F, "both are written", "");
     const std::uint32_t corners[] = {0, 1, 2};
     const float weights[] = {1, 1, 1};
-    const vrtm::Array of_corners(weights, 1);
+    const vrtm::Array of_corners = vrtm::Array::of<3>(weights);
     const vrtm::Carrier skin =
         *asset.carrier(vrtm::CarrierDesc().set(vrtm::Fit::none).at_corners({corners, 3}, of_corners));
     check_that(skin.states()->at(0) == vrtm::PointState::bound, "a point at corners is bound", "");
-    const vrtm::Array places(points[0], 2, sizeof points[0]);
+    const vrtm::Array places(points, 2);
     const vrtm::Carrier other_one = *asset.carrier(vrtm::CarrierDesc().at_nearest(places, 0.5));
     asset.reset();
     const vrtm::Carrier moved(std::move(carrier));
     check_that(!carrier && moved.info()->points == 2 && other_one, "it goes on without the asset", "");
     refuses("no points", ready(device).carrier(vrtm::CarrierDesc()), vrtm::Code::invalid_argument, "uvs");
+}
+
+/* Memory of another length than its use has is refused, with the argument's name, before it is touched. */
+void lengths(const vrtm::Device &device)
+{
+    using Kind = vrtm::FetchKind;
+    const auto wrong = [](const char *text, const vrtm::Result<> &result) {
+        refuses(text, result, vrtm::Code::invalid_argument, text);
+    };
+    const vrtm::Asset asset = ready(device);
+    const vrtm::Tile tile = *asset.find_tile(1001);
+    works("a pose", asset.solve({pose, VERTICES}));
+
+    Map pairs(CORNERS), xyz(&pose_f32[0][0], &pose_f32[0][0] + 3 * VERTICES);
+    wrong("desc.positions.stride", vrtm::Asset::create(device, {vrtm::Array(xyz.data(), xyz.size()), corners}));
+    wrong("positions.stride is 4 bytes", asset.solve({xyz.data(), xyz.size()}));
+    wrong("positions.stride is 8 bytes", asset.submit(vrtm::Array::of<2>(pairs)));
+    wrong("rigidity: 507 elements", asset.set_vertex_rigidity(vrtm::Array::of<1>(xyz)));
+    xyz.push_back(0);
+    wrong("positions.stride is 1 bytes", asset.solve(vrtm::Array::of<3>(xyz)));
+    const std::vector<int> three = {0, 1, 2};
+    wrong("mesh.seams: an odd number", vrtm::Asset::create(device, quads().seams(three)));
+
+    Map two(vrtm::image_size(Kind::warp, MAP, MAP)), four(vrtm::image_size(Kind::jacobian, MAP, MAP));
+    Map one(vrtm::image_size(Kind::filter_scale, MAP, MAP)), odd(two.size() - 1), short_row(MAP);
+    works("a Jacobian", tile.fetch(Kind::jacobian, {four, MAP, MAP}));
+    works("a filter scale", tile.fetch(Kind::filter_scale, {one, MAP, MAP}));
+    const bool fits = bool(vrtm::ImageOut(one, MAP, MAP).fits("one"));
+    check_that(one[0] > 0 && fits && vrtm::channels(Kind::carried) == 0, "with one value per texel", "");
+    wrong("image: 2 channels, but its kind has 4", tile.fetch(Kind::jacobian, {two, MAP, MAP}));
+    wrong("image: 2 channels, but its kind has 4", tile.fetch(Kind::jacobian, {two.data(), MAP, MAP, 2}));
+    wrong("image: 1 channels", tile.fetch_dilation(0.1, {one, MAP, MAP}));
+    wrong("image: a list of 8191 values is no image of 64 x 64 texels", tile.fetch(Kind::warp, {odd, MAP, MAP}));
+    wrong("image: a list of 64 values", tile.fetch_part(Kind::warp, {short_row, MAP, MAP}, 0, 0, MAP, MAP));
+    wrong("image: a list of 16384 values", tile.fetch_dilation(0.1, {four, 64, 32}));
+    wrong("fetches[1].image: 2 channels",
+          asset.redirect({pose, VERTICES}, {{tile, {four, MAP, MAP}}, {tile, {two, MAP, MAP}, Kind::jacobian}}));
+    wrong("fetches[1].image: a list of 64 values",
+          asset.redirect({pose, VERTICES}, {{tile, {four, MAP, MAP}}, {tile, {short_row, MAP, MAP}}}));
+    wrong("rigidity: a list of 8192 values is no image of 64 x 64 texels with 1 channel",
+          tile.set_rigidity({two, MAP, MAP}));
+    wrong("rigidity: a list of 64 values", tile.update_rigidity({short_row, MAP, MAP}, 0, 0, 1, 1));
+    wrong("mask: a list of 8191 values", tile.set_mask({odd, MAP, MAP}));
+
+    wrong("count is 288, but", asset.corner_uvs(pairs));
+    const vrtm::Array weights = vrtm::Array::of<3>(pairs);
+    wrong("desc.corners is null", asset.carrier(vrtm::CarrierDesc().at_corners(three, weights)));
+    const vrtm::Array at = vrtm::Array::of<2>(pairs);
+    const vrtm::Carrier carrier = *asset.carrier(vrtm::CarrierDesc().at_uvs(at));
+    wrong("positions.stride is 8 bytes", carrier.positions(vrtm::ArrayOut::of<2>(pairs)));
+    wrong("positions.count is", carrier.positions(vrtm::ArrayOut::of<4>(pairs)));
 }
 
 /* A solve that takes a while: 1024 x 1024 cells. */
@@ -881,6 +928,7 @@ int main()
     allocators(expected);
     tiles(device);
     outputs(device);
+    lengths(device);
     options(device, expected);
     progress(device);
     jobs(device);

@@ -219,8 +219,8 @@ void SOP_VrtmWarp::update(const GU_Detail *rest_geometry)
         asset_.reset();
         rigidity_.clear();
         rigidity_id_ = GA_INVALID_DATAID;
-        vrtm::Mesh mesh(vrtm::Array::of<float>(rest.positions.data(), rest.positions.size()), rest.points);
-        mesh.face_counts(rest.counts).uvs(vrtm::Array::of<float>(rest.uvs.data(), rest.uvs.size())).max_layers(32);
+        vrtm::Mesh mesh(vrtm::Array::of<float>(rest.positions), rest.points);
+        mesh.face_counts(rest.counts).uvs(vrtm::Array::of<float>(rest.uvs)).max_layers(32);
         asset_ = vrtm::Asset::create(device(), mesh).value();
         rest_ = std::move(rest);
     }
@@ -246,7 +246,7 @@ void SOP_VrtmWarp::update_rigidity(const GU_Detail *rest_geometry)
         rigidity.push_back(rigid.isValid() ? rigid.get(point) : 0.0f);
     }
     if (rigidity != rigidity_) {
-        asset_.set_vertex_rigidity(vrtm::Array(rigidity.data(), rigidity.size())).value();
+        asset_.set_vertex_rigidity(vrtm::Array::of<1>(rigidity)).value();
         rigidity_ = std::move(rigidity);
     }
     rigidity_id_ = id;
@@ -268,11 +268,11 @@ void SOP_VrtmWarp::warp(int cells, vrtm::Quality quality, UT_AutoInterrupt &inte
     options.set(quality).set_progress(
         [&interrupt](float) { return interrupt.wasInterrupted() ? vrtm::Proceed::no : vrtm::Proceed::yes; });
     const std::vector<UT_Vector3> positions = positions_of(gdp);
-    asset_.solve(vrtm::Array::of<float>(positions.data(), positions.size()), options).value();
+    asset_.solve(vrtm::Array::of<float>(positions), options).value();
 
     const std::size_t count = corners.vertices.size();
     std::vector<float> uvs(2 * count);
-    asset_.corner_uvs(uvs.data(), count).value();
+    asset_.corner_uvs(uvs).value();
     const GA_RWHandleV3 uv(gdp->addFloatTuple(GA_ATTRIB_VERTEX, "uv", 3));
     for (std::size_t corner = 0; corner < count; ++corner) {
         uv.set(corners.vertices[corner], UT_Vector3(uvs[2 * corner], uvs[2 * corner + 1], 0));

@@ -218,9 +218,9 @@ MStatus VrtmWarpNode::initialize()
 
 Seat::Seat(Rest mesh) : rest(std::move(mesh)), uvs(rest.u.size())
 {
-    vrtm::Mesh description(vrtm::Array(rest.points.data(), rest.points.size() / 4, 4 * sizeof(double)), rest.connects);
+    vrtm::Mesh description(vrtm::Array::of<4>(rest.points), rest.connects);
     description.face_counts(rest.counts)
-        .uvs(vrtm::Array(rest.u.data(), rest.u.size()), vrtm::Array(rest.v.data(), rest.v.size()))
+        .uvs(vrtm::Array::of<1>(rest.u), vrtm::Array::of<1>(rest.v))
         .uv_indices(rest.uv_ids)
         .max_layers(32);
     asset = vrtm::Asset::create(device, description).value();
@@ -287,7 +287,7 @@ void Seat::set_maps(const std::string &pattern, int reload, int grid)
 void Seat::write(MFnMesh &mesh) const
 {
     std::vector<float> corners(2 * uv_ids.size()), u = rest.u, v = rest.v;
-    asset.corner_uvs(corners.data(), uv_ids.size()).value();
+    asset.corner_uvs(corners).value();
     u.resize(uvs);
     v.resize(uvs);
     std::vector<int> assigned;
@@ -348,7 +348,7 @@ MStatus VrtmWarpNode::compute(const MPlug &plug, MDataBlock &block)
         vrtm::SolveOptions options;
         options.set(vrtm::Quality(block.inputValue(quality).asShort()));
         const std::vector<double> points = points_of(MFnMesh(in_data));
-        seat->asset.solve(vrtm::Array(points.data(), points.size() / 4, 4 * sizeof(double)), options).value();
+        seat->asset.solve(vrtm::Array::of<4>(points), options).value();
 
         MFnMeshData data;
         const MObject out_data = data.create();
