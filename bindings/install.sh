@@ -168,6 +168,7 @@ done
 for licence in LICENSE LICENSE-MIT LICENSE-APACHE; do
     copy 644 "$source/$licence" "$root/share/doc/vrtm/$licence"
 done
+copy 644 "$source/bindings/cmake/vrtmPlace.cmake" "$root/$libdir/cmake/vrtm/vrtmPlace.cmake"
 copy 644 "$source/bindings/THIRD-PARTY.txt" "$root/share/doc/vrtm/THIRD-PARTY.txt"
 fill vrtmConfig.cmake "$root/$libdir/cmake/vrtm"
 fill vrtmConfigVersion.cmake "$root/$libdir/cmake/vrtm"
