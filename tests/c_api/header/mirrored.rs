@@ -193,9 +193,10 @@ impl Words {
 
 const PAGE: &str = "# Settings
 
-This page lists all settings with their limits and defaults. They have the same names in the C header, in Rust and in
-Python, where a value such as `VRTM_SEAMS_KEEP` is `\"keep\"`. `vrtm bake` takes a tile's settings as options, such as
-`--smoothness-floor` and `--seams keep`. [Quality](quality.md) shows the effect of a change.
+This page lists all settings with their limits and defaults. They have the same names in the C header, C++, C# and
+Python, where a value such as `VRTM_SEAMS_KEEP` is `\"keep\"`. Rust names three otherwise: `grid` holds `grid_width` and
+`grid_height`, and `time_budget` is a `Duration` in place of `time_budget_ms`. `vrtm bake` takes a tile's settings as
+options, such as `--smoothness-floor` and `--seams keep`. [Quality](quality.md) shows the effect of a change.
 
 A test writes this page from the declarations in `crates/core/src/settings.rs`: do not edit it
 ([CONTRIBUTING.md](../CONTRIBUTING.md#a-setting)).

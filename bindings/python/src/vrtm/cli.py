@@ -67,7 +67,7 @@ def _run(given: list[str]) -> int:
     )
     template.add_argument("--slurm", action="store_true", help="print a script that submits a bake to Slurm")
     template.add_argument("--no-layer", action="store_true", help="without the step that writes a USD layer")
-    template.add_argument("--carry", action="store_true", help="with steps that carry geometry on the skin")
+    template.add_argument("--carry", action="store_true", help="with steps that carry geometry on the surface")
     commands.add_parser("devices", help="list what can compute", description="Lists the CPU and all GPUs.")
     parsed = parser.parse_args(given)
     if parsed.command == "bake" and parsed.more:

@@ -169,7 +169,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     text = "Do not fit the maps to these frames, and measure the sum on them."
     add("--held-out", text, "LIST", type=listed(frames.parse))
 
-    add = group("geometry on the skin")
+    add = group("geometry on the surface")
     text = "Move instances, points, curves and detail meshes along with the paint: these prims and all below them. "
     text += "carried.usdc (a layer) or carried.abc (an archive) in --out has them in all frames."
     add("--carry-prims", text, "PATH...")

@@ -1,4 +1,4 @@
-"""Geometry on the skin: instances, points, curves and detail meshes that ride on the redirected surface over a shot."""
+"""Geometry on the surface: instances, points, curves and detail meshes that ride on it over a shot."""
 
 from __future__ import annotations
 

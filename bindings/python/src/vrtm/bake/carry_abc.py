@@ -1,4 +1,4 @@
-"""Geometry on the skin in Alembic archives: objects at rest, and the archive in which they move."""
+"""Geometry on the surface in Alembic archives: objects at rest, and the archive in which they move."""
 
 import errno
 import json

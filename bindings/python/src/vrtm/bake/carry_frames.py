@@ -1,4 +1,4 @@
-"""Geometry on the skin in single frames: files that tasks of a farm write, from which the last bake makes the one of
+"""Geometry on the surface in single frames: files that tasks of a farm write, from which the last bake makes the one of
 all frames without solving again."""
 
 from dataclasses import dataclass

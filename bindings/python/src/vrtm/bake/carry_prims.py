@@ -1,4 +1,4 @@
-"""Geometry on the skin as arrays: its points at rest, and their places in a pose."""
+"""Geometry on the surface as arrays: its points at rest, and their places in a pose."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
@@ -82,7 +82,7 @@ class Pose:
 
 
 class Scatter(ABC):
-    """A file with geometry on the skin, and the file that it becomes. `time` is the file's own."""
+    """A file with geometry on the surface, and the file that it becomes. `time` is the file's own."""
 
     def __init__(self, path: str, files: tuple[str, ...], noun: str, kinds: Iterable[str]) -> None:
         """`files`: those that are read, less those that vrtm wrote. `noun`: one of its objects; `kinds`: the kinds of

@@ -1,4 +1,4 @@
-"""Geometry on the skin in USD files: prims at rest, and the layer that moves them."""
+"""Geometry on the surface in USD files: prims at rest, and the layer that moves them."""
 
 from collections.abc import Iterator, Sequence
 

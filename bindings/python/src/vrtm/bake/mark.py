@@ -15,7 +15,7 @@ CORNERS = "corners"
 SHAPES = "shapes"
 """The kind of a mesh with blend shapes, which is large, too."""
 CARRIED = "carried"
-"""The kind of layers with geometry on the skin."""
+"""The kind of layers with geometry on the surface."""
 
 
 def mark(layer: Sdf.Layer, kind: str, meshes: Sequence[str] = ()) -> None:
@@ -25,7 +25,7 @@ def mark(layer: Sdf.Layer, kind: str, meshes: Sequence[str] = ()) -> None:
 
 
 def is_carried(layer: Sdf.Layer) -> bool:
-    """True if a layer's mark says that it moves geometry on the skin."""
+    """True if a layer's mark says that it moves geometry on the surface."""
     return layer.customLayerData.get(_KIND) == CARRIED
 
 

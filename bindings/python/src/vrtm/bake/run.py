@@ -56,7 +56,7 @@ class _Made:
     results: list[FrameResult] = field(default_factory=list)
     basis: basis_maps.Made = field(default_factory=basis_maps.Made)
     carried: list[dict] = field(default_factory=list)
-    """Rows of the report about geometry on the skin."""
+    """Rows of the report about geometry on the surface."""
     carried_files: Counter = field(default_factory=Counter)
     """The numbers of files with it that were `written` and `skipped`."""
     differences: list[read_back.Differences] = field(default_factory=list)

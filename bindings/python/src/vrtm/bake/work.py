@@ -300,7 +300,7 @@ class Work(contextlib.AbstractContextManager):
 
     def check_files(self, of_layer: Sequence[str] = (), of_carry: Sequence[str] = ()) -> None:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing.
-        `of_layer`: files written beside the layer; `of_carry`: files read for geometry on the skin."""
+        `of_layer`: files written beside the layer; `of_carry`: files read for geometry on the surface."""
         settings = self.settings
         for name in (settings.out, *settings.beside.values()):
             # Raises UnicodeEncodeError for what is no UTF-8.

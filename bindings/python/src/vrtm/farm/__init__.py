@@ -6,7 +6,7 @@ from importlib import resources
 
 def template(layer: bool = True, carry: bool = False) -> str:
     """The template of OpenJobDescription, as YAML. `layer`: adds a last step that writes a USD layer, which scenes of
-    other formats do not need. `carry`: adds steps that move geometry on the skin."""
+    other formats do not need. `carry`: adds steps that move geometry on the surface."""
     text = _read("vrtm-bake.yaml")
     for name, kept in (("layer", layer), ("carry", carry)):
         text = _block(name).sub(r"\1" if kept else "", text)
