@@ -308,8 +308,8 @@ typedef struct vrtm_image {
     size_t row_stride;
 } vrtm_image;
 
-// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size is allowed; the first `channels`
-// channels of each texel are written, and bytes that a stride skips are left unchanged.
+// An output image in the caller's memory: width * height * channels values, if packed. Any size is allowed; the first
+// `channels` channels of each texel are written. Bytes that a stride skips stay. Start from vrtm_image_out_init().
 typedef struct vrtm_image_out {
     // sizeof(vrtm_image_out); set by vrtm_image_out_init().
     uint32_t struct_size;
@@ -321,11 +321,11 @@ typedef struct vrtm_image_out {
     uint32_t height;
     // VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     vrtm_origin origin;
-    // Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. With 3, the third
-    // channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
-    // elsewhere.
+    // Channels to write per texel; 0 (the default) = as many as the kind of output has: 1 for FILTER_SCALE, 4 for
+    // JACOBIAN, 2 for all others. With 3, the third channel of UVs is 0; with 4, for all but a warp, the fourth is 1
+    // where a chart covers the texel's centre and 0 elsewhere.
     uint32_t channels;
-    // Address of the first texel of the first row. Need not be aligned.
+    // Address of the first texel of the first row: width * height * channels values, if packed. Need not be aligned.
     void *data;
     // Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     size_t pixel_stride;
@@ -340,7 +340,7 @@ typedef struct vrtm_array_out {
     uint32_t struct_size;
     // VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
     vrtm_scalar format;
-    // Address of the first component of the first element.
+    // Address of the first component of the first element: count * components numbers, if packed.
     void *data;
     // Number of elements: vrtm_carrier_info.points.
     size_t count;
@@ -348,8 +348,8 @@ typedef struct vrtm_array_out {
     size_t stride;
 } vrtm_array_out;
 
-// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
-// Start from vrtm_carried_init().
+// Destinations of carried points, vrtm_carrier_info.points elements in each array; null arrays are skipped. Elements
+// of different arrays may be interleaved. Start from vrtm_carried_init().
 typedef struct vrtm_carried {
     // sizeof(vrtm_carried); set by vrtm_carried_init().
     uint32_t struct_size;
@@ -848,7 +848,7 @@ typedef struct vrtm_solve_options {
     vrtm_scale scale;
 } vrtm_solve_options;
 
-// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
+// Content of a fetched image: two channels (u, v) per texel, 2 * width * height values, unless stated otherwise.
 typedef int32_t vrtm_fetch_kind;
 
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
@@ -870,14 +870,14 @@ typedef int32_t vrtm_fetch_kind;
 // several tiles. Use f32.
 #define VRTM_FETCH_REDIRECTION_UDIM 3
 
-// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv;
-// 1, 0, 0, 1 where nothing moves. Use them to rotate texture values that turn with a feature, such as tangent-space
-// normals. f16 is sufficient.
+// Four channels, 4 * width * height values: derivatives of the redirection (u', v') by the UV at texel centres,
+// du'/du, du'/dv, dv'/du, dv'/dv; 1, 0, 0, 1 where nothing moves. Use them to rotate texture values that turn with a
+// feature, such as tangent-space normals. f16 is sufficient.
 #define VRTM_FETCH_JACOBIAN 4
 
-// One channel: the largest singular value of the Jacobian. The footprint of a lookup is at most this factor wider in
-// the texture than on the surface: for renderers that derive their filter width from the mesh's own UVs. f16 is
-// sufficient.
+// One channel, width * height values: the largest singular value of the Jacobian. The footprint of a lookup is at
+// most this factor wider in the texture than on the surface: for renderers that derive their filter width from the
+// mesh's own UVs. f16 is sufficient.
 #define VRTM_FETCH_FILTER_SCALE 5
 
 // UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in:
@@ -903,7 +903,7 @@ typedef struct vrtm_fetch {
     vrtm_fetch_kind kind;
     // A tile of the asset. Required.
     vrtm_tile tile;
-    // The destination. Required.
+    // The destination, of as many channels as `kind` has. Required.
     const vrtm_image_out *image;
     // For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
     // vrtm_asset_info.uv_sets. 0 (the default) for all other kinds.
@@ -2237,7 +2237,7 @@ VRTM_API
 vrtm_status vrtm_carrier_fetch(vrtm_carrier carrier,
                                const vrtm_carried *carried);
 
-// Writes how each point is bound, one of VRTM_POINT_, to `count` elements, as many as there are points. Never busy.
+// Writes the state of each point, one of VRTM_POINT_, to `count` elements: vrtm_carrier_info.points. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of
 // points.

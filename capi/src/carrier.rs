@@ -190,7 +190,7 @@ pub unsafe extern "C" fn vrtm_carrier_fetch(
     })
 }
 
-/// Writes how each point is bound, one of VRTM_POINT_, to `count` elements, as many as there are points. Never busy.
+/// Writes the state of each point, one of VRTM_POINT_, to `count` elements: vrtm_carrier_info.points. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of
 /// points.

@@ -13,7 +13,7 @@ use super::types::{Target, vrtm_carried, vrtm_image_out};
 use vrtm::{Carrier, Fetch, FetchKind, Results};
 use vrtm_core::allocation::Vec;
 
-/// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
+/// Content of a fetched image: two channels (u, v) per texel, 2 * width * height values, unless stated otherwise.
 pub type vrtm_fetch_kind = i32;
 /// The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
 /// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds ((x + 0.5) /
@@ -30,13 +30,13 @@ pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
 /// The redirection plus the offset (U, V) of the UDIM tile: UVs in the mesh's own range, for lookups in a texture of
 /// several tiles. Use f32.
 pub const VRTM_FETCH_REDIRECTION_UDIM: vrtm_fetch_kind = 3;
-/// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv;
-/// 1, 0, 0, 1 where nothing moves. Use them to rotate texture values that turn with a feature, such as tangent-space
-/// normals. f16 is sufficient.
+/// Four channels, 4 * width * height values: derivatives of the redirection (u', v') by the UV at texel centres,
+/// du'/du, du'/dv, dv'/du, dv'/dv; 1, 0, 0, 1 where nothing moves. Use them to rotate texture values that turn with a
+/// feature, such as tangent-space normals. f16 is sufficient.
 pub const VRTM_FETCH_JACOBIAN: vrtm_fetch_kind = 4;
-/// One channel: the largest singular value of the Jacobian. The footprint of a lookup is at most this factor wider in
-/// the texture than on the surface: for renderers that derive their filter width from the mesh's own UVs. f16 is
-/// sufficient.
+/// One channel, width * height values: the largest singular value of the Jacobian. The footprint of a lookup is at
+/// most this factor wider in the texture than on the surface: for renderers that derive their filter width from the
+/// mesh's own UVs. f16 is sufficient.
 pub const VRTM_FETCH_FILTER_SCALE: vrtm_fetch_kind = 5;
 /// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in:
 /// where the redirection leads to a point of the surface, the UV of that point in the other set, whatever its range.
@@ -61,7 +61,7 @@ pub struct vrtm_fetch {
     pub kind: vrtm_fetch_kind,
     /// A tile of the asset. Required.
     pub tile: vrtm_tile,
-    /// The destination. Required.
+    /// The destination, of as many channels as `kind` has. Required.
     pub image: *const vrtm_image_out,
     /// For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
     /// vrtm_asset_info.uv_sets. 0 (the default) for all other kinds.

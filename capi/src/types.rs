@@ -79,8 +79,8 @@ pub struct vrtm_image {
     pub row_stride: usize,
 }
 
-/// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size is allowed; the first `channels`
-/// channels of each texel are written, and bytes that a stride skips are left unchanged.
+/// An output image in the caller's memory: width * height * channels values, if packed. Any size is allowed; the first
+/// `channels` channels of each texel are written. Bytes that a stride skips stay. Start from vrtm_image_out_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_image_out {
@@ -94,11 +94,11 @@ pub struct vrtm_image_out {
     pub height: u32,
     /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     pub origin: vrtm_origin,
-    /// Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. With 3, the third
-    /// channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
-    /// elsewhere.
+    /// Channels to write per texel; 0 (the default) = as many as the kind of output has: 1 for FILTER_SCALE, 4 for
+    /// JACOBIAN, 2 for all others. With 3, the third channel of UVs is 0; with 4, for all but a warp, the fourth is 1
+    /// where a chart covers the texel's centre and 0 elsewhere.
     pub channels: u32,
-    /// Address of the first texel of the first row. Need not be aligned.
+    /// Address of the first texel of the first row: width * height * channels values, if packed. Need not be aligned.
     pub data: *mut c_void,
     /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     pub pixel_stride: usize,
@@ -115,7 +115,7 @@ pub struct vrtm_array_out {
     pub struct_size: u32,
     /// VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
     pub format: vrtm_scalar,
-    /// Address of the first component of the first element.
+    /// Address of the first component of the first element: count * components numbers, if packed.
     pub data: *mut c_void,
     /// Number of elements: vrtm_carrier_info.points.
     pub count: usize,
@@ -123,8 +123,8 @@ pub struct vrtm_array_out {
     pub stride: usize,
 }
 
-/// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
-/// Start from vrtm_carried_init().
+/// Destinations of carried points, vrtm_carrier_info.points elements in each array; null arrays are skipped. Elements
+/// of different arrays may be interleaved. Start from vrtm_carried_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_carried {
