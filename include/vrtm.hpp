@@ -109,6 +109,15 @@ constexpr std::underlying_type_t<E> value(E constant) noexcept
     return static_cast<std::underlying_type_t<E>>(constant);
 }
 
+namespace detail {
+// Sets a field, and returns the object that it belongs to.
+template <class Self, class Field, class Value> Self &set(Self &self, Field &field, const Value &wanted) noexcept
+{
+    field = static_cast<Field>(wanted);
+    return self;
+}
+} // namespace detail
+
 // The name of a status, such as "VRTM_ERROR_BUSY".
 inline const char *name(Code code) noexcept { return vrtm_status_string(value(code)); }
 
@@ -209,6 +218,17 @@ inline void Result<void>::value() const
     }
 }
 #endif
+
+namespace detail {
+// A list of `length` values, which `fill` writes if what tells the length is good.
+template <class T, class Fill>
+Result<std::vector<T>> list(const Result<> &told, std::uint64_t length, const Fill &fill)
+{
+    std::vector<T> values(static_cast<std::size_t>(length));
+    const Result<> result = told ? Result<>(fill(values)) : told;
+    return {std::move(values), result};
+}
+} // namespace detail
 
 // ---- Views of the caller's memory ----
 
@@ -348,23 +368,11 @@ template <class List> constexpr PixelFormat texel() noexcept
 // What Image and ImageOut have in common.
 template <class Self, class Struct> class ImageBase {
 public:
-    Self &origin(Origin origin) noexcept
-    {
-        c_.origin = vrtm::value(origin);
-        return self();
-    }
+    Self &origin(Origin origin) noexcept { return detail::set(self(), c_.origin, origin); }
     // Bytes from one texel to the next; 0 = tightly packed.
-    Self &pixel_stride(std::size_t bytes) noexcept
-    {
-        c_.pixel_stride = bytes;
-        return self();
-    }
+    Self &pixel_stride(std::size_t bytes) noexcept { return detail::set(self(), c_.pixel_stride, bytes); }
     // Bytes from one row to the next; 0 = tightly packed.
-    Self &row_stride(std::size_t bytes) noexcept
-    {
-        c_.row_stride = bytes;
-        return self();
-    }
+    Self &row_stride(std::size_t bytes) noexcept { return detail::set(self(), c_.row_stride, bytes); }
 
     const Struct &c() const noexcept { return c_; }
     // Good, unless a list has another length than the image that it was given for: then it names `argument`.
@@ -485,17 +493,9 @@ struct ExternalImage : vrtm_external_image {
         height = texels_in_v;
     }
 
-    ExternalImage &set(Origin wanted) noexcept
-    {
-        origin = vrtm::value(wanted);
-        return *this;
-    }
+    ExternalImage &set(Origin wanted) noexcept { return detail::set(*this, origin, wanted); }
     // PixelFormat::f16 is for the delta, in half of the bytes.
-    ExternalImage &set(PixelFormat wanted) noexcept
-    {
-        format = vrtm::value(wanted);
-        return *this;
-    }
+    ExternalImage &set(PixelFormat wanted) noexcept { return detail::set(*this, format, wanted); }
 };
 
 // The kind, format and size of a redirection map for Tile::inspect_map().
@@ -551,11 +551,7 @@ using Log = std::function<void(const vrtm_log_entry &entry)>;
 struct DeviceDesc : vrtm_device_desc {
     DeviceDesc() noexcept : vrtm_device_desc(vrtm_device_desc_init()) {}
 
-    DeviceDesc &set(Backend wanted) noexcept
-    {
-        backend = vrtm::value(wanted);
-        return *this;
-    }
+    DeviceDesc &set(Backend wanted) noexcept { return detail::set(*this, backend, wanted); }
 
     // Selects the GPU with this UUID (16 bytes) or LUID (8 bytes) instead of the number `adapter`: the GPU that the
     // host draws with.
@@ -733,11 +729,7 @@ class UvSet {
 public:
     explicit UvSet(const Array &uvs) noexcept : uvs_(uvs) {}
     UvSet(const Array &u, const Array &v) noexcept : u_(u), v_(v) {}
-    UvSet &uv_indices(const Indices &indices) noexcept
-    {
-        indices_ = indices;
-        return *this;
-    }
+    UvSet &uv_indices(const Indices &indices) noexcept { return detail::set(*this, indices_, indices); }
 
     // Points into this object.
     vrtm_uv_set c() const & noexcept
@@ -784,11 +776,7 @@ public:
     // Two vertices per seam.
     Mesh &seams(const Indices &pairs) noexcept { return set_list(seam_pairs, pairs); }
     Mesh &textured_faces(const Indices &faces) noexcept { return set_list(textured, faces); }
-    Mesh &weld(Weld weld) noexcept
-    {
-        numbers_.weld = vrtm::value(weld);
-        return *this;
-    }
+    Mesh &weld(Weld weld) noexcept { return detail::set(*this, numbers_.weld, weld); }
     Mesh &weld(Weld weld, double position_tolerance, double uv_tolerance) noexcept
     {
         numbers_.weld_position_tolerance = position_tolerance;
@@ -796,11 +784,7 @@ public:
         return this->weld(weld);
     }
     // From 2 on: charts that lie over one another get up to so many layers.
-    Mesh &max_layers(std::uint64_t count) noexcept
-    {
-        numbers_.max_layers = count;
-        return *this;
-    }
+    Mesh &max_layers(std::uint64_t count) noexcept { return detail::set(*this, numbers_.max_layers, count); }
     Mesh &add_uv_set(const UvSet &set)
     {
         sets_.push_back(set);
@@ -842,16 +826,8 @@ public:
 private:
     enum List { uv_index, counts_of_faces, offsets_of_faces, seam_pairs, textured, lists };
 
-    Mesh &set_base(const UvSet &set) noexcept
-    {
-        base_ = set;
-        return *this;
-    }
-    Mesh &set_list(List list, const Indices &indices) noexcept
-    {
-        lists_[list] = indices;
-        return *this;
-    }
+    Mesh &set_base(const UvSet &set) noexcept { return detail::set(*this, base_, set); }
+    Mesh &set_list(List list, const Indices &indices) noexcept { return detail::set(*this, lists_[list], indices); }
     void put(List list, const std::uint32_t *&data, std::size_t &count) const noexcept
     {
         if (lists_[list]) {
@@ -881,21 +857,9 @@ private:
 // A tile's settings: the fields of vrtm_tile_settings, initially the defaults.
 struct TileSettings : vrtm_tile_settings {
     TileSettings() noexcept : vrtm_tile_settings(vrtm_tile_settings_init()) {}
-    TileSettings &set(Overlap wanted) noexcept
-    {
-        overlap = vrtm::value(wanted);
-        return *this;
-    }
-    TileSettings &set(Seams wanted) noexcept
-    {
-        seams = vrtm::value(wanted);
-        return *this;
-    }
-    TileSettings &set(OpenBorders wanted) noexcept
-    {
-        open_borders = vrtm::value(wanted);
-        return *this;
-    }
+    TileSettings &set(Overlap wanted) noexcept { return detail::set(*this, overlap, wanted); }
+    TileSettings &set(Seams wanted) noexcept { return detail::set(*this, seams, wanted); }
+    TileSettings &set(OpenBorders wanted) noexcept { return detail::set(*this, open_borders, wanted); }
 };
 
 namespace detail {
@@ -1178,16 +1142,8 @@ using Progress = std::function<Proceed(float progress)>;
 struct SolveOptions : vrtm_solve_options {
     SolveOptions() noexcept : vrtm_solve_options(vrtm_solve_options_init()) {}
 
-    SolveOptions &set(Quality wanted) noexcept
-    {
-        quality = vrtm::value(wanted);
-        return *this;
-    }
-    SolveOptions &set(Solver wanted) noexcept
-    {
-        solver = vrtm::value(wanted);
-        return *this;
-    }
+    SolveOptions &set(Quality wanted) noexcept { return detail::set(*this, quality, wanted); }
+    SolveOptions &set(Solver wanted) noexcept { return detail::set(*this, solver, wanted); }
     // The tiles to solve, copied; an empty list means no tiles.
     SolveOptions &set_tiles(const std::vector<Tile> &wanted)
     {
@@ -1210,11 +1166,7 @@ struct SolveOptions : vrtm_solve_options {
         dirty_vertex_count = moved.size();
         return *this;
     }
-    SolveOptions &set_all_dirty() noexcept
-    {
-        dirty_vertices = nullptr;
-        return *this;
-    }
+    SolveOptions &set_all_dirty() noexcept { return detail::set(*this, dirty_vertices, nullptr); }
     SolveOptions &set_progress(Progress function)
     {
         progress_ = std::move(function);
@@ -1361,12 +1313,7 @@ public:
     Result<std::vector<float>> corner_uvs() const
     {
         const Result<vrtm_refinement_info> data = info();
-        std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
-        Result<> result = data;
-        if (result) {
-            result = corner_uvs(uvs);
-        }
-        return {std::move(uvs), result};
+        return detail::list<float>(data, 2 * data->corners, [&](auto &uvs) { return corner_uvs(uvs); });
     }
     // Writes the UVs into a list of floats, 2 for each of info()->corners.
     template <class List> Result<> corner_uvs(List &uvs) const noexcept
@@ -1396,11 +1343,7 @@ private:
 struct CarrierDesc : vrtm_carrier_desc {
     CarrierDesc() noexcept : vrtm_carrier_desc(vrtm_carrier_desc_init()) {}
 
-    CarrierDesc &set(Fit wanted) noexcept
-    {
-        fit = vrtm::value(wanted);
-        return *this;
-    }
+    CarrierDesc &set(Fit wanted) noexcept { return detail::set(*this, fit, wanted); }
     // UVs among all tiles.
     CarrierDesc &at_uvs(const Array &array) noexcept
     {
@@ -1455,17 +1398,14 @@ public:
     Result<std::vector<PointState>> states() const
     {
         const Result<vrtm_carrier_info> data = info();
-        std::vector<vrtm_point_state> states(static_cast<std::size_t>(data->points));
-        Result<> result = data;
-        if (result) {
-            result = Result<>(vrtm_carrier_fetch_states(handle(), states.data(), states.size()));
-        }
-        std::vector<PointState> all;
-        all.reserve(states.size());
-        for (const vrtm_point_state state : states) {
-            all.push_back(PointState(state));
-        }
-        return {std::move(all), result};
+        return detail::list<PointState>(data, data->points, [&](auto &states) {
+            std::vector<vrtm_point_state> c(states.size());
+            const vrtm_status status = vrtm_carrier_fetch_states(handle(), c.data(), c.size());
+            for (std::size_t i = 0; i < c.size(); ++i) {
+                states[i] = PointState(c[i]);
+            }
+            return status;
+        });
     }
 
 private:
@@ -1534,12 +1474,9 @@ public:
     Result<std::vector<std::uint32_t>> face_layers(std::uint32_t uv_set = 0) const
     {
         const Result<vrtm_asset_info> data = info();
-        std::vector<std::uint32_t> layers(static_cast<std::size_t>(data->faces));
-        Result<> result = data;
-        if (result) {
-            result = Result<>(vrtm_asset_fetch_face_layers(handle(), uv_set, layers.data(), layers.size()));
-        }
-        return {std::move(layers), result};
+        return detail::list<std::uint32_t>(data, data->faces, [&](auto &layers) {
+            return vrtm_asset_fetch_face_layers(handle(), uv_set, layers.data(), layers.size());
+        });
     }
 
     Result<> set_vertex_rigidity(const Array &rigidity) const noexcept
@@ -1593,12 +1530,7 @@ public:
     Result<std::vector<float>> corner_uvs(std::uint32_t uv_set = 0) const
     {
         const Result<vrtm_asset_info> data = info();
-        std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
-        Result<> result = data;
-        if (result) {
-            result = corner_uvs(uvs, uv_set);
-        }
-        return {std::move(uvs), result};
+        return detail::list<float>(data, 2 * data->corners, [&](auto &uvs) { return corner_uvs(uvs, uv_set); });
     }
     // Writes the UVs into a list of floats, 2 for each of info()->corners.
     template <class List, class = decltype(std::size(std::declval<List &>()))>
