@@ -31,14 +31,23 @@ fn the_wrapper_as_cpp20() {
     }
 }
 
-/// The option that has a host's classes found in their stand-ins.
-fn stand_ins(host: &str) -> String {
-    format!("-I{}", root().join("tests/host/stand_ins").join(host).display())
+/// The option that has a host's classes found in their stand-ins: each header of the host's that its example includes
+/// is written, and leads to them.
+fn stand_ins(host: &str, example: &str) -> String {
+    let folder = scratch().join("stand_ins").join(host);
+    let stand_in = root().join(format!("tests/host/stand_ins/{host}.hpp"));
+    let source = std::fs::read_to_string(root().join("examples/hosts").join(host).join(example)).unwrap();
+    for header in source.lines().filter_map(|line| line.strip_prefix("#include <")?.strip_suffix(".h>")) {
+        let file = folder.join(format!("{header}.h"));
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(file, format!("#include {stand_in:?}\n")).unwrap();
+    }
+    format!("-I{}", folder.display())
 }
 
 #[test]
 fn the_example_for_houdini_runs() {
-    let options = [&*stand_ins("houdini")];
+    let options = [&*stand_ins("houdini", "SOP_VrtmWarp.cpp")];
     let host =
         build(Path::new("tests/host/stand_ins/houdini_example.cpp"), "houdini_example", &options, true);
     check_cases(&run(&host, &[]), 18);
@@ -46,7 +55,7 @@ fn the_example_for_houdini_runs() {
 
 #[test]
 fn the_example_for_maya_runs() {
-    let options = [&*stand_ins("maya")];
+    let options = [&*stand_ins("maya", "vrtm_warp_node.cpp")];
     let host = build(Path::new("tests/host/stand_ins/maya_example.cpp"), "maya_example", &options, true);
     check_cases(&run(&host, &[&scratch().join("maya_example_maps")]), 36);
 }

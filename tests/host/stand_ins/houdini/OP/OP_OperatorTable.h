@@ -1,1 +1,0 @@
-#include "../stand_in_houdini.hpp"
