@@ -192,12 +192,24 @@ private:
 };
 
 namespace detail {
+
 // Reads what a function of C says of a handle. `value` has the struct's size.
-template <class Handle, class T> Result<T> get(vrtm_status (*function)(Handle, T *), Handle handle, T value) noexcept
+template <class Handle, class Struct, class T>
+Result<T> get(vrtm_status (*function)(Handle, Struct *), Handle handle, T value) noexcept
 {
     const vrtm_status status = function(handle, &value);
     return {value, status};
 }
+
+// A list of `length` values, which `fill` writes if what tells the length is good.
+template <class T, class Fill>
+Result<std::vector<T>> list(const Result<> &told, std::uint64_t length, const Fill &fill)
+{
+    std::vector<T> values(static_cast<std::size_t>(length));
+    const Result<> result = told ? Result<>(fill(values)) : told;
+    return {std::move(values), result};
+}
+
 } // namespace detail
 
 #if VRTM_EXCEPTIONS
@@ -218,17 +230,6 @@ inline void Result<void>::value() const
     }
 }
 #endif
-
-namespace detail {
-// A list of `length` values, which `fill` writes if what tells the length is good.
-template <class T, class Fill>
-Result<std::vector<T>> list(const Result<> &told, std::uint64_t length, const Fill &fill)
-{
-    std::vector<T> values(static_cast<std::size_t>(length));
-    const Result<> result = told ? Result<>(fill(values)) : told;
-    return {std::move(values), result};
-}
-} // namespace detail
 
 // ---- Views of the caller's memory ----
 
@@ -499,20 +500,16 @@ struct ExternalImage : vrtm_external_image {
 };
 
 // The kind, format and size of a redirection map for Tile::inspect_map().
-class MapDesc {
-public:
-    MapDesc(std::uint32_t width, std::uint32_t height, FetchKind kind = FetchKind::redirection,
-            PixelFormat format = PixelFormat::f32) noexcept
+struct MapDesc : vrtm_map_desc {
+    MapDesc(std::uint32_t texels_in_u, std::uint32_t texels_in_v, FetchKind content = FetchKind::redirection,
+            PixelFormat texel = PixelFormat::f32) noexcept
+        : vrtm_map_desc(vrtm_map_desc_init())
     {
-        c_.width = width;
-        c_.height = height;
-        c_.kind = vrtm::value(kind);
-        c_.format = vrtm::value(format);
+        width = texels_in_u;
+        height = texels_in_v;
+        kind = vrtm::value(content);
+        format = vrtm::value(texel);
     }
-    const vrtm_map_desc &c() const noexcept { return c_; }
-
-private:
-    vrtm_map_desc c_ = vrtm_map_desc_init();
 };
 
 // ---- The host's threads ----
@@ -938,9 +935,7 @@ public:
     }
     Result<TileSettings> settings() const noexcept
     {
-        TileSettings settings;
-        const vrtm_status status = vrtm_tile_get_settings(handle_, &settings);
-        return {settings, status};
+        return detail::get(vrtm_tile_get_settings, handle_, TileSettings());
     }
 
     Result<> freeze(bool frozen) const noexcept { return Result<>(vrtm_tile_freeze(handle_, frozen ? 1 : 0)); }
@@ -1022,7 +1017,7 @@ public:
     Result<vrtm_map_info> inspect_map(const MapDesc &map) const noexcept
     {
         vrtm_map_info data = vrtm_map_info_init();
-        const vrtm_status status = vrtm_tile_inspect_map(handle_, &map.c(), &data);
+        const vrtm_status status = vrtm_tile_inspect_map(handle_, &map, &data);
         return {data, status};
     }
 

@@ -140,7 +140,6 @@ void arrays(const vrtm::Device &device)
     check_that(same(redirection(asset, vrtm::Array::of<3>(packed)), expected), "packed doubles", "");
     check_that(same(redirection(asset, {vrtm::Scalar::f64, packed.data(), VERTICES, 0}), expected), "no type", "");
     refuses("a missing vertex", asset.solve({pose, VERTICES - 1}), vrtm::Code::invalid_argument, "168 elements");
-    refuses("two components", asset.solve({s.uvs, VERTICES}), vrtm::Code::invalid_argument, "stride");
 
     /* u and v as arrays of their own. */
     std::vector<float> u, v;
@@ -612,13 +611,12 @@ void outputs(const vrtm::Device &device)
     check_that(same(warp, fetched), "is what fetch gives", "");
 
     const vrtm::Result<std::vector<float>> uvs = asset.corner_uvs();
-    Map own(2 * CORNERS), of_set(2 * CORNERS), few(6);
+    Map own(2 * CORNERS), of_set(2 * CORNERS);
     works("corner UVs", uvs);
     works("into a buffer", asset.corner_uvs(own));
     works("of a UV set", asset.corner_uvs(of_set, 0));
     check_that(same(own, *uvs) && same(of_set, own) && own.size() == 2 * CORNERS, "are the same", "");
     refuses("a UV set that is not there", asset.corner_uvs(1), vrtm::Code::invalid_argument, "uv_set");
-    refuses("too few corners", asset.corner_uvs(few), vrtm::Code::invalid_argument, "count");
     check_that(asset.report()->tiles == 1 && asset.report()->folds == 0, "an asset's report", "");
     check_that(asset.report()->scale > 0, "has the stretch of the pose's edges", "");
 

@@ -177,8 +177,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     text = "Leave geometry in place that is farther from the mesh than this, in its units. By default 5 %% of the "
     text += "diagonal of the mesh's bounding box."
     add("--carry-farthest", text, "X", type=positive)
-    text = "Geometry follows each rigid feature as one body (feature), the redirected surface (surface), or the surface "
-    text += "as if nothing were redirected (none)."
+    text = "Geometry follows each rigid feature as one body (feature), the redirected surface (surface), or the "
+    text += "surface as if nothing were redirected (none)."
     add("--carry-fit", text, choices=("feature", "surface", "none"), default="feature")
     text = "Bind each connected part of a detail mesh as one rigid body (connected), or each of its points (none)."
     add("--carry-pieces", text, choices=("none", CONNECTED), default="none")
