@@ -90,6 +90,7 @@ enum class FetchKind : vrtm_fetch_kind {
     carried = VRTM_FETCH_CARRIED // Fetches::add(carrier, ...) has it.
 };
 enum class Quality : vrtm_quality { normal = VRTM_QUALITY_NORMAL, draft = VRTM_QUALITY_DRAFT };
+enum class Scale : vrtm_scale { keep = VRTM_SCALE_KEEP, follow = VRTM_SCALE_FOLLOW };
 enum class Solver : vrtm_solver { descent = VRTM_SOLVER_DESCENT, pbd = VRTM_SOLVER_PBD };
 enum class Bind : vrtm_bind { uv = VRTM_BIND_UV, corners = VRTM_BIND_CORNERS, nearest = VRTM_BIND_NEAREST };
 enum class Fit : vrtm_fit { feature = VRTM_FIT_FEATURE, surface = VRTM_FIT_SURFACE, none = VRTM_FIT_NONE };
@@ -1138,6 +1139,7 @@ struct SolveOptions : vrtm_solve_options {
     SolveOptions() noexcept : vrtm_solve_options(vrtm_solve_options_init()) {}
 
     SolveOptions &set(Quality wanted) noexcept { return detail::set(*this, quality, wanted); }
+    SolveOptions &set(Scale wanted) noexcept { return detail::set(*this, scale, wanted); }
     SolveOptions &set(Solver wanted) noexcept { return detail::set(*this, solver, wanted); }
     // The tiles to solve, copied; an empty list means no tiles.
     SolveOptions &set_tiles(const std::vector<Tile> &wanted)
@@ -1509,7 +1511,7 @@ public:
     // Cancels the solve in progress, on another thread or of a job.
     Result<> cancel() const noexcept { return Result<>(vrtm_asset_cancel(handle())); }
 
-    // The job keeps a copy of the progress function.
+    // The job keeps a copy of the progress function. With options.replace = 1 the newest pose wins.
     Result<Job> submit(const Array &positions, const SolveOptions &options = SolveOptions()) const
     {
         const std::shared_ptr<const Progress> progress(new Progress(options.progress_));

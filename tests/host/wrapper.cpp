@@ -680,6 +680,8 @@ void options(const vrtm::Device &device, const Map &expected)
     draft.set(vrtm::Quality::draft).set(vrtm::Solver::pbd).pbd.iterations = 1;
     check_that(draft.quality == VRTM_QUALITY_DRAFT && draft.solver == VRTM_SOLVER_PBD, "quality and solver", "");
     works("the paper's solver", asset.solve({pose, VERTICES}, draft));
+    draft.set(vrtm::Scale::follow).replace = 1;
+    check_that(draft.c().replace == 1 && draft.c().scale == VRTM_SCALE_FOLLOW, "newest pose and scale", "");
     draft.pbd.damping = 2;
     refuses("a wrong option", asset.solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "damping");
 }
