@@ -431,7 +431,7 @@ typedef int32_t vrtm_log_code;
 // Triangles without UV area are left out. Values: their number.
 #define VRTM_LOG_CODE_TRIANGLES_DEGENERATE 6
 
-// Edges lie together in space and in UV, and are not connected, so that charts end there. Values: their number.
+// Edges lie together in space and nearly in UV, and are not connected, so that charts end there. Values: their number.
 #define VRTM_LOG_CODE_EDGES_APART 7
 
 // Seams that are no edge of a face do nothing. Values: their number.
@@ -1127,9 +1127,10 @@ typedef struct vrtm_asset_info {
     uint64_t border_edges;
     // Edges inside charts whose two sides have different vertices: welded by position.
     uint64_t welded_edges;
-    // Edges whose two sides have the same positions and UVs, within the tolerances, but are not connected: charts end
-    // there. Either they are deliberate cuts, or the mesh needs VRTM_WELD_POSITION, or its UVs are noisy compared with
-    // the size of its triangles.
+    // Edges whose two sides have the same positions and nearly the same UVs, but are not connected: charts end there.
+    // Nearly means within four times the tolerance of UVs, and a quarter of the triangles' least height. Either they
+    // are deliberate cuts, or the mesh needs VRTM_WELD_POSITION, or its UVs are noisy compared with the size of its
+    // triangles.
     uint64_t edges_apart;
     // Seams that are not an edge of any face.
     uint64_t seams_unused;
@@ -1173,7 +1174,7 @@ typedef struct vrtm_tile_info {
     uint64_t border_edges;
     // Edges inside charts whose two sides have different vertices: welded by position.
     uint64_t welded_edges;
-    // Edges whose two sides coincide but are not connected: see vrtm_asset_info.edges_apart.
+    // Edges whose two sides nearly coincide but are not connected: see vrtm_asset_info.edges_apart.
     uint64_t edges_apart;
     // Cells of the grid in u. A grid of w x h cells has (w + 1) x (h + 1) nodes.
     uint32_t grid_width;

@@ -34,8 +34,9 @@ pub(super) fn describe(device: &Device, mesh: &Mesh) {
         let counts = [triangles, charts, border, welded, apart].map(|count| count as f64);
         device.log(LogCode::Tile, Some(tile), &counts, &message);
     }
-    let apart = "edges have two sides that lie together, in space and in UV, and are not connected, so that charts end \
-                 there: if they are no cuts, weld by position, or give UVs with less noise";
+    let apart = "edges have two sides that lie together, in space and nearly in UV, and are not connected, so that \
+                 charts end there: if they are no cuts, weld by position, give UVs with less noise, or a larger UV \
+                 tolerance";
     for (code, count, what) in [
         (LogCode::FacesClipped, info.clipped_faces, "faces reach out of their tile and are clipped to it"),
         (LogCode::FacesOutside, info.faces_outside, "faces lie in no UDIM tile and are left out"),

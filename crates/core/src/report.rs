@@ -113,8 +113,8 @@ pub struct AssetInfo {
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
-    /// Edges whose two sides have the same positions and UVs, within the tolerances, but are not connected: charts end
-    /// there. Either they are deliberate cuts, or the mesh needs [`crate::mesh::WeldBy::Position`], or its UVs are
+    /// Edges whose two sides have the same positions and nearly the same UVs, but are not connected: charts end there.
+    /// Nearly means within four times the tolerance of UVs, and a quarter of the triangles' least height. Either they are deliberate cuts, or the mesh needs [`crate::mesh::WeldBy::Position`], or its UVs are
     /// noisy compared with the size of its triangles.
     pub edges_apart: u64,
     /// Seams that are not an edge of any face.
@@ -143,7 +143,7 @@ pub struct TileInfo {
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
-    /// Edges whose two sides coincide but are not connected: see [`AssetInfo::edges_apart`].
+    /// Edges whose two sides nearly coincide but are not connected: see [`AssetInfo::edges_apart`].
     pub edges_apart: u64,
     /// Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     /// that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.

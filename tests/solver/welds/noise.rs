@@ -85,6 +85,16 @@ fn half_floats_of_one_uv_are_one_up_to_a_step() {
     // What the host says goes.
     let weld = Weld { uv_tolerance: Some(1e-3), ..Weld::default() };
     assert_eq!(Model { weld, ..with_uvs(&model, more) }.asset_on(&device, 64).info().charts, 1);
+    // Noise beyond the tolerance is told, and the noise of one that a host chose, too.
+    let mut draw = vrtm_testkit::random::Random(3);
+    let noise: Vec<f32> = (0..4 * 32 * 32).map(|_| draw.between(-1.0, 1.0) as f32).collect();
+    for (noise_of, weld) in
+        [(1e-3, Weld::default()), (3e-3, Weld { uv_tolerance: Some(2e-3), ..Weld::default() })]
+    {
+        let noisy = with_uvs(&sheet(32), |c, x| x * 0.9 + 0.05 + noise_of * noise[c % noise.len()]);
+        let info = Model { weld, ..noisy }.asset_on(&device, 64).info();
+        assert!(info.charts > 100 && info.edges_apart > 500, "{info:?}");
+    }
     // Triangles of a step's size cannot be welded by a step without turning over; it does not go by without a word.
     let info = with_uvs(&sheet(700), rounded).asset_on(&device, 64).info();
     assert!(info.charts > 1 && info.edges_apart > 1000, "{info:?}");

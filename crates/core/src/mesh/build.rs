@@ -8,7 +8,7 @@ use super::charts::{self, Seams, is_seam};
 use super::gaps::Given;
 use super::layers::layers;
 use super::read::{self, UvSet};
-use super::source::{MeshSource, Weld, WeldBy};
+use super::source::{MeshSource, UV_TOLERANCE, Weld, WeldBy};
 use super::weld::{Corners, places, rooms};
 use super::{Mesh, NONE, RawTriangle, TileMesh, check};
 use crate::allocation::{Vec, vec, zeroed};
@@ -225,14 +225,18 @@ impl<'a> Welding<'a> {
             corner.tile = found.map_or(NONE, |k| (first + k) as u32);
         }
         set.tiles = triangles;
-        self.count_apart(set, seams, &mut tiles[first..]);
+        self.count_apart(set, seams, room, &mut tiles[first..]);
     }
 
-    /// Counts the edges that coincide but are not connected, as if all vertices were welded by position.
-    fn count_apart(&self, set: &UvSet, seams: &Seams, tiles: &mut [TileMesh]) {
+    /// Counts the edges that nearly coincide but are not connected, as if all vertices were welded by position, and
+    /// UVs within several times the tolerance: noise that is too large to be welded is told.
+    fn count_apart(&self, set: &UvSet, seams: &Seams, mut room: Vec<f64>, tiles: &mut [TileMesh]) {
+        /// How many times as far as UVs are welded, as far as triangles have room.
+        const FARTHER: f64 = 4.0;
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
-        // This only counts and moves no UVs, so small triangles need no more room.
-        let room = vec![tolerance; self.rest.len()];
+        let farthest = FARTHER * tolerance.max(UV_TOLERANCE);
+        // This only counts and moves no UVs, so small triangles need no more room than for the tolerance.
+        room.iter_mut().for_each(|room| *room = room.clamp(tolerance, farthest));
         let found = self.place.is_empty().then(|| {
             let mut at_border = zeroed(self.rest.len());
             for (tile, (_, raw)) in tiles.iter().zip(&set.tiles) {
@@ -246,7 +250,7 @@ impl<'a> Welding<'a> {
         let place = found.as_ref().unwrap_or(&self.place);
         let place = |v: u32| place[v as usize];
         for (tile, (_, raw)) in tiles.iter_mut().zip(&set.tiles) {
-            tile.edges_apart = edges_apart(tile, raw, seams, &place, &room, tolerance);
+            tile.edges_apart = edges_apart(tile, raw, seams, &place, &room, farthest);
         }
     }
 }
@@ -263,11 +267,11 @@ fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
     raw.iter_mut().map(number).collect()
 }
 
-/// Counts edges that coincide but are not connected: intended cuts; edges that a mesh from a game needs welded by
+/// Counts edges that nearly coincide but are not connected: intended cuts; edges that a mesh from a game needs welded by
 /// position; and edges whose UVs are too noisy for the size of their triangles.
 ///
 /// Returns the number of pairs of border edges of a tile that have the same places (`place` maps a vertex to its place)
-/// and UVs, without a third edge there. Edges that the host marked as seams do not count.
+/// and nearly the same UVs, without a third edge there. Edges that the host marked as seams do not count.
 fn edges_apart(
     tile: &TileMesh,
     raw: &[RawTriangle],
