@@ -531,8 +531,8 @@ typedef struct vrtm_device_desc {
     // environment variable VRTM_THREADS overrides it.
     uint32_t threads;
     // Maximum bytes that the prepared tiles of all assets of the device may hold together, with their maps and
-    // solvers; 0 = no limit. A call that would exceed it gives
-    // VRTM_ERROR_OUT_OF_MEMORY.
+    // solvers, and with carriers and the poses that they follow; 0 = no limit. A call that would exceed it gives
+    // VRTM_ERROR_OUT_OF_MEMORY. A carrier is also refused if there is no room for what its first fetch will hold.
     uint64_t memory_budget;
     // Receives log messages; null (the default) = no log. The function and `log_user` must stay valid until the device
     // and all of its assets are destroyed.
@@ -2146,7 +2146,7 @@ typedef struct vrtm_carrier_desc {
     // One of VRTM_FIT_: FEATURE (0, the default), SURFACE, NONE.
     vrtm_fit fit;
     // VRTM_BIND_UV: UVs, 2 components, with the tile's offset added, as in the mesh's own. `uvs->count`,
-    // `weights->count` or `positions->count` is the number of points.
+    // `weights->count` or `positions->count` is the number of points, which may be 0.
     const vrtm_array *uvs;
     // VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart
     // there.
@@ -2163,13 +2163,16 @@ typedef struct vrtm_carrier_desc {
     // interpolated between vertices; 1 component; null = 0. Seen from its side, the corners of faces run
     // counter-clockwise.
     const vrtm_array *heights;
-    // The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null =
-    // the axes of the mesh.
+    // The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components, not all
+    // of them 0; null = the axes of the mesh.
     const vrtm_array *frames;
-    // Instead of `frames`: matrices row by row, 9 components. Null = absent.
+    // Instead of `frames`: matrices row by row, 9 components, of which the rotation counts, not the scale. The axes
+    // must not lie in a plane. A mirrored matrix stays mirrored in vrtm_carried.matrices; in vrtm_carried.rotations
+    // it is rotated with its third axis turned over. Null = absent.
     const vrtm_array *matrices;
     // For hosts that know their pieces: the number of the piece that a point belongs to, which moves as one rigid
-    // body; UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line is none.
+    // body; UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line, as far as positions of f32 tell,
+    // is none.
     const uint32_t *pieces;
     // The height up to which a point of a rigid body is blended from the surface (at height 0) to that body; 0 (the
     // default) = not at all.

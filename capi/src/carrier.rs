@@ -6,12 +6,11 @@ use super::handle::{self, Kind, Table, vrtm_asset, vrtm_carrier};
 use super::mirror::{Mirror, choice, mirror};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::strips::{Strips, check_apart};
-use super::types::{
-    VRTM_SCALAR_F32, VRTM_SCALAR_F64, strided, strided_or_none, vrtm_array, vrtm_array_out, vrtm_carried,
-};
+use super::types::{VRTM_SCALAR_F64, strided, vrtm_array, vrtm_array_out, vrtm_carried};
 use vrtm::{Bind, Carried, Carrier, CarrierInfo, CarrierSettings, Fit, PointState};
 use vrtm_core::allocation::Vec;
-use vrtm_core::view::{Scalar, StridedMut};
+use vrtm_core::error::Error;
+use vrtm_core::view::{Scalar, Strided, StridedMut};
 
 /// Kind of place by which the points of a carrier are given.
 pub type vrtm_bind = i32;
@@ -50,7 +49,7 @@ pub struct vrtm_carrier_desc {
     /// One of VRTM_FIT_: FEATURE (0, the default), SURFACE, NONE.
     pub fit: vrtm_fit,
     /// VRTM_BIND_UV: UVs, 2 components, with the tile's offset added, as in the mesh's own. `uvs->count`,
-    /// `weights->count` or `positions->count` is the number of points.
+    /// `weights->count` or `positions->count` is the number of points, which may be 0.
     pub uvs: *const vrtm_array,
     /// VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart
     /// there.
@@ -67,13 +66,16 @@ pub struct vrtm_carrier_desc {
     /// interpolated between vertices; 1 component; null = 0. Seen from its side, the corners of faces run
     /// counter-clockwise.
     pub heights: *const vrtm_array,
-    /// The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null =
-    /// the axes of the mesh.
+    /// The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components, not all
+    /// of them 0; null = the axes of the mesh.
     pub frames: *const vrtm_array,
-    /// Instead of `frames`: matrices row by row, 9 components. Null = absent.
+    /// Instead of `frames`: matrices row by row, 9 components, of which the rotation counts, not the scale. The axes
+    /// must not lie in a plane. A mirrored matrix stays mirrored in vrtm_carried.matrices; in vrtm_carried.rotations
+    /// it is rotated with its third axis turned over. Null = absent.
     pub matrices: *const vrtm_array,
     /// For hosts that know their pieces: the number of the piece that a point belongs to, which moves as one rigid
-    /// body; UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line is none.
+    /// body; UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line, as far as positions of f32 tell,
+    /// is none.
     pub pieces: *const u32,
     /// The height up to which a point of a rigid body is blended from the surface (at height 0) to that body; 0 (the
     /// default) = not at all.
@@ -118,38 +120,46 @@ pub unsafe extern "C" fn vrtm_carrier_create(
         // SAFETY: the host vouches for its pointers.
         let carrier = unsafe {
             let d = desc::read(desc, "desc")?;
-            let weights = strided_or_none(d.weights, 3, "desc.weights")?;
-            let count = match d.bind {
-                VRTM_BIND_UV => desc::read(d.uvs, "desc.uvs")?.count,
-                VRTM_BIND_CORNERS => desc::read(d.weights, "desc.weights")?.count,
-                VRTM_BIND_NEAREST => desc::read(d.positions, "desc.positions")?.count,
+            let (by, count) = match d.bind {
+                VRTM_BIND_UV => {
+                    let uvs = of_points(d.uvs, 2, "desc.uvs")?;
+                    let layers = desc::slice_or_none(d.layers, uvs.len(), "desc.layers")?;
+                    (Bind::Uv { uvs, layers }, uvs.len())
+                }
+                VRTM_BIND_CORNERS => {
+                    let weights = of_points(d.weights, 3, "desc.weights")?;
+                    let corners = match weights.len() {
+                        0 => &[],
+                        count => desc::slice(d.corners.cast(), count, "desc.corners")?,
+                    };
+                    (Bind::Corners { corners, weights }, weights.len())
+                }
+                VRTM_BIND_NEAREST => {
+                    let positions = of_points(d.positions, 3, "desc.positions")?;
+                    let farthest = (d.farthest != 0.0).then_some(d.farthest);
+                    (Bind::Nearest { positions, farthest }, positions.len())
+                }
                 other => return Err(Failure::argument(format!("desc.bind is {other}, no VRTM_BIND_ value"))),
             };
-            let by = match (d.bind, weights) {
-                (VRTM_BIND_UV, _) => {
-                    let layers = desc::slice_or_none(d.layers, count, "desc.layers")?;
-                    Bind::Uv { uvs: strided(d.uvs, 2, "desc.uvs")?, layers }
-                }
-                (VRTM_BIND_CORNERS, Some(weights)) => {
-                    Bind::Corners { corners: desc::slice(d.corners.cast(), count, "desc.corners")?, weights }
-                }
-                _ => Bind::Nearest {
-                    positions: strided(d.positions, 3, "desc.positions")?,
-                    farthest: (d.farthest != 0.0).then_some(d.farthest),
-                },
+            let or_none = |array: *const vrtm_array, components, name| {
+                (!array.is_null()).then(|| of_points(array, components, name)).transpose()
             };
-            let frames = strided_or_none(d.frames, 4, "desc.frames")?;
-            let matrices = strided_or_none(d.matrices, 9, "desc.matrices")?;
+            let frames = or_none(d.frames, 4, "desc.frames")?;
+            let matrices = or_none(d.matrices, 9, "desc.matrices")?;
             ensure!(frames.is_none() || matrices.is_none(), "desc.frames and desc.matrices are both given");
-            asset.results.carrier(&CarrierSettings {
+            let settings = CarrierSettings {
                 uv_set: d.uv_set,
-                heights: strided_or_none(d.heights, 1, "desc.heights")?,
+                heights: or_none(d.heights, 1, "desc.heights")?,
                 frames: frames.or(matrices),
                 pieces: desc::slice_or_none(d.pieces, count, "desc.pieces")?,
                 fit: Fit::from_c(d.fit, "desc.fit")?,
                 skirt: d.skirt,
                 ..CarrierSettings::new(by)
-            })?
+            };
+            // In Rust both are one argument.
+            let name = if matrices.is_some() { "matrices" } else { "frames" };
+            let named = |e: Error| Error::new(e.kind, e.message.replacen("frames", name, 1));
+            asset.results.carrier(&settings).map_err(named)?
         };
         Ok(vrtm_carrier { id: CARRIERS.add(carrier)? })
     })
@@ -204,6 +214,9 @@ pub unsafe extern "C" fn vrtm_carrier_fetch_states(
         let carrier = CARRIERS.get("carrier", carrier.id)?;
         let of_points = carrier.states();
         ensure!(count == of_points.len(), "count is {count}, but the carrier has {} points", of_points.len());
+        if count == 0 {
+            return Ok(());
+        }
         // SAFETY: the host vouches for `count` elements during the call.
         let out = unsafe { desc::slice_mut(states, count, "states") }?;
         out.iter_mut().zip(of_points).for_each(|(out, state)| *out = state.to_c());
@@ -254,6 +267,17 @@ impl<'a> Points<'a> {
     }
 }
 
+/// The array `name` of the host's with an element for each point, of which there may be none: an empty scatter on one
+/// of many meshes is common.
+unsafe fn of_points<'a>(array: *const vrtm_array, components: usize, name: &str) -> Outcome<Strided<'a>> {
+    // SAFETY: the host's pointer.
+    match unsafe { desc::read(array, name) }?.count {
+        0 => Ok(Strided::new(name, &[], Scalar::F32, components, 0, 0)?),
+        // SAFETY: passed on.
+        _ => unsafe { strided(array, components, name) },
+    }
+}
+
 /// The array `name` of the host's, and the bytes of its elements.
 unsafe fn destination<'a>(
     array: *const vrtm_array_out,
@@ -273,9 +297,8 @@ unsafe fn destination<'a>(
         ..Sized32::zeroed()
     };
     // SAFETY: the host vouches for the memory.
-    unsafe { strided(&raw const input, components, name) }?;
+    unsafe { of_points(&raw const input, components, name) }?;
     let scalar = if array.format == VRTM_SCALAR_F64 { Scalar::F64 } else { Scalar::F32 };
-    debug_assert!(array.format == VRTM_SCALAR_F64 || array.format == VRTM_SCALAR_F32);
     let size = scalar.size() * components;
     let stride = if array.stride == 0 { size } else { array.stride };
     let steps = [(count, stride), (usize::from(count > 0), stride * count)];

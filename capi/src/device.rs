@@ -105,8 +105,8 @@ pub struct vrtm_device_desc {
     /// environment variable VRTM_THREADS overrides it.
     pub threads: u32,
     /// Maximum bytes that the prepared tiles of all assets of the device may hold together, with their maps and
-    /// solvers; 0 = no limit. A call that would exceed it gives
-    /// VRTM_ERROR_OUT_OF_MEMORY.
+    /// solvers, and with carriers and the poses that they follow; 0 = no limit. A call that would exceed it gives
+    /// VRTM_ERROR_OUT_OF_MEMORY. A carrier is also refused if there is no room for what its first fetch will hold.
     pub memory_budget: u64,
     /// Receives log messages; null (the default) = no log. The function and `log_user` must stay valid until the device
     /// and all of its assets are destroyed.

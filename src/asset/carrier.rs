@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use crate::asset::derived::Same;
 use crate::asset::results::Results;
 use crate::device::Booked;
-use vrtm_carry::{Bind, Binding, Course, Fit, Pieces, PointState};
+use vrtm_carry::{Bind, Binding, Course, Fit, Pieces, PointState, host_frame};
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::Grid;
@@ -27,7 +27,8 @@ pub struct CarrierSettings<'a> {
     /// The height of each point above the surface, along its normal; one component.
     pub heights: Option<Strided<'a>>,
     /// The frame of each point at rest, which the rotations then begin from: a quaternion x, y, z, w, or 9 components,
-    /// a matrix row by row.
+    /// a matrix row by row. Of a matrix its rotation counts, not its scale; a mirrored one stays mirrored in matrices,
+    /// and is rotated with its third axis turned over in quaternions.
     pub frames: Option<Strided<'a>>,
     /// Per point, the number of a piece that is one rigid body; `u32::MAX` = no piece. Pieces come before features.
     pub pieces: Option<&'a [u32]>,
@@ -187,6 +188,10 @@ impl<'a> CarrierSettings<'a> {
                 check_count(name, Some(array.len()), count)?;
             }
         }
+        if let Some(k) = (0..count).find(|&k| host_frame(self.frames.as_ref(), k).is_none()) {
+            let zero = "is zero, or a matrix whose axes lie in a plane: it has no rotation";
+            return Err(Error::argument(format!("frames[{k}] {zero}")));
+        }
         check_count("pieces", self.pieces.map(<[u32]>::len), count)?;
         ensure!(
             self.skirt >= 0.0 && self.skirt.is_finite(),
@@ -201,7 +206,8 @@ fn check_array(name: &str, array: &Strided, components: &[usize]) -> Result<()> 
     if !array.is_empty() {
         check_components(name, array.components(), components)?;
     }
-    array.check_finite(name)
+    // Heights, and distances of positions from the surface, are kept as f32.
+    if matches!(name, "heights" | "positions") { array.check_f32(name) } else { array.check_finite(name) }
 }
 
 fn check_components(name: &str, given: usize, needed: &[usize]) -> Result<()> {
@@ -235,6 +241,14 @@ impl Results {
             let mut booked = self.device().booking();
             let of_frames = frames.as_ref().map_or(0, |frames| frames.view().components() * 8 * count);
             let bytes = binding.bytes() + of_frames + pieces.as_ref().map_or(0, Pieces::bytes);
+            // With the room for the first fetch, which a carrier without it would be refused.
+            let course =
+                Course::estimate(mesh, settings.uv_set as usize, &binding, settings.fit, pieces.is_some());
+            let pose = if self.count_carriers(0) > 0 { 0 } else { size_of_val(&*mesh.rest) };
+            let features =
+                ride::bytes_of_features(self.last().solved().flatten().map(|solved| &*solved.grid));
+            let most = (bytes + pose) as u64 + features.max(course as u64);
+            booked.set(most, "a carrier with its first fetch")?;
             booked.set(bytes as u64, "a carrier")?;
             let of = |state: PointState| binding.states.iter().filter(|of| **of == state).count() as u64;
             let info = CarrierInfo {

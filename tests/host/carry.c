@@ -57,7 +57,8 @@ static void wrong_arguments(vrtm_asset asset, vrtm_carrier carrier)
     vrtm_carrier_desc desc = vrtm_carrier_desc_init();
     vrtm_carrier_info data = vrtm_carrier_info_init();
     vrtm_point_state states[POINTS];
-    vrtm_array at = vrtm_array_init();
+    vrtm_array at = vrtm_array_init(), matrix = vrtm_array_init();
+    static const float zeros[POINTS][9];
     request r;
     at.data = uvs, at.count = POINTS;
     fails("no desc", vrtm_carrier_create(asset, NULL, &made), bad, "desc is null");
@@ -77,9 +78,9 @@ static void wrong_arguments(vrtm_asset asset, vrtm_carrier carrier)
     fails("no such UV set", vrtm_carrier_create(asset, &desc, &made), bad, "uv_set: 1");
     desc.uv_set = 0, desc.frames = &at, desc.matrices = &at;
     fails("two frames", vrtm_carrier_create(asset, &desc, &made), bad, "desc.frames");
-    desc.frames = NULL, desc.matrices = NULL, at.count = 0;
-    fails("no points", vrtm_carrier_create(asset, &desc, &made), bad, "desc.uvs.count is 0");
-    at.count = POINTS, at.stride = 4;
+    desc.frames = NULL, matrix.data = zeros, matrix.count = POINTS, desc.matrices = &matrix;
+    fails("no rotation", vrtm_carrier_create(asset, &desc, &made), bad, "matrices[0] is zero");
+    desc.matrices = NULL, at.stride = 4;
     fails("a short stride", vrtm_carrier_create(asset, &desc, &made), bad, "desc.uvs.stride");
     check_that(made.id == 7, "nothing is written", "");
     made.id = asset.id;
@@ -100,6 +101,24 @@ static void wrong_arguments(vrtm_asset asset, vrtm_carrier carrier)
     fails("no such format", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.uvs.format is 5");
     ask(&r), r.uvs.data = NULL;
     fails("no memory", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.uvs.data is null");
+}
+
+/* An empty scatter is a carrier, too, and what `bind` does not name is ignored. */
+static void empty(vrtm_asset asset)
+{
+    vrtm_carrier_desc desc = vrtm_carrier_desc_init();
+    vrtm_array none = vrtm_array_init();
+    vrtm_array_out nowhere = vrtm_array_out_init();
+    vrtm_carried carried = vrtm_carried_init();
+    vrtm_carrier made;
+    desc.uvs = desc.weights = desc.positions = desc.heights = desc.frames = &none;
+    carried.positions = carried.rotations = carried.stretch = carried.uvs = &nowhere;
+    for (desc.bind = 0; desc.bind < 3; ++desc.bind) {
+        succeeds("no points", vrtm_carrier_create(asset, &desc, &made));
+        succeeds("no states", vrtm_carrier_fetch_states(made, NULL, 0));
+        succeeds("nothing to write", vrtm_carrier_fetch(made, &carried));
+        succeeds("it goes", vrtm_carrier_destroy(made));
+    }
 }
 
 /* Carried points and an image as outputs of one solve. */
@@ -176,8 +195,8 @@ int main(void)
         points[k].own = 7;
     }
     at.data = uvs, at.count = POINTS;
-    desc.uvs = &at;
-    succeeds("a carrier", vrtm_carrier_create(asset, &desc, &carrier));
+    desc.uvs = &at, desc.weights = &posed;
+    succeeds("a carrier, without weights,", vrtm_carrier_create(asset, &desc, &carrier));
     succeeds("states", vrtm_carrier_fetch_states(carrier, states, POINTS));
     check_that(states[0] == VRTM_POINT_BOUND && states[24] == VRTM_POINT_BOUND, "are bound", "");
     wrong_arguments(asset, carrier);
@@ -193,6 +212,7 @@ int main(void)
     posed.data = s.points, posed.stride = sizeof s.points[0];
     succeeds("rest", vrtm_asset_solve(asset, &posed, NULL));
     succeeds("fetch", vrtm_carrier_fetch(carrier, &r.carried));
+    empty(asset);
     int good = 1;
     for (int k = 0; k < POINTS; ++k) {
         const point *p = &points[k];

@@ -4,13 +4,15 @@ use glam::{DVec2, DVec3};
 
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::{Error, Result};
+use vrtm_core::mesh::overlaps::Overlaps;
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
 use vrtm_core::sets::grouped;
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
-use crate::nearest::{Nearest, weighed};
+use crate::frame::power_of_two;
+use crate::nearest::{Found, Nearest, weighed};
 use crate::surface::{clamped, weights as barycentric};
 
 /// A UV this far beside a chart still lies on its border: a quarter of a texel of 16384, and more than the rounding of
@@ -152,12 +154,14 @@ impl<'a> Triangles<'a> {
     }
 
     /// For the triangles with UVs, their UVs among all tiles, each layer in a plane of its own.
-    fn by_uv(&self) -> Nearest {
+    fn by_uv(&self) -> ByUv {
         let of = |k: usize| {
             let (uv, tile) = self.uv(k);
-            uv.map(|uv| (uv + tile.origin()).extend(tile.layer.into()))
+            uv.map(|uv| uv + tile.origin())
         };
-        Nearest::new((0..self.textured).map(of).collect())
+        let of_layer = |k: usize| of(k).map(|uv| uv.extend(self.uv(k).1.layer.into()));
+        let search = Nearest::new((0..self.textured).map(of_layer).collect());
+        ByUv { search, bins: Overlaps::of((0..self.textured).map(of).collect()) }
     }
 
     /// Per triangle with UVs, whether they are turned over within their chart.
@@ -181,6 +185,24 @@ impl<'a> Triangles<'a> {
         let corners = self.vertices[..self.textured].iter().zip(0..);
         let of_triangle = |(vertices, k): (&[u32; 3], u32)| vertices.map(|v| (v as usize, k));
         grouped(self.mesh.rest.len(), corners.flat_map(of_triangle))
+    }
+}
+
+/// Triangles by their UVs.
+struct ByUv {
+    search: Nearest,
+    bins: Overlaps,
+}
+
+impl ByUv {
+    /// The point of a layer's triangles that is nearest to a UV. Most UVs lie on triangles, few of which are in a bin.
+    fn find(&self, uv: DVec2, layer: u32) -> Option<Found> {
+        const WITHIN: f64 = 1e-9;
+        const MOST: usize = 64;
+        let (to, step) = (uv.extend(layer.into()), DVec2::splat(WITHIN));
+        let mut near = self.bins.near([uv - step, uv, uv + step]);
+        let found = self.search.find_among(near.by_ref().take(MOST), to, WITHIN);
+        if found.is_some() && near.next().is_none() { found } else { self.search.find(to) }
     }
 }
 
@@ -222,9 +244,8 @@ impl Binding {
                 let of_faces = check_corners(mesh, corners, weights)?;
                 let (search, by_vertex) = (triangles.by_uv(), triangles.by_vertex());
                 team.map(corners.len(), |k| {
-                    let weights = [0, 1, 2].map(|c| weights.get(k, c));
                     let face = mesh.face(of_faces[k] as usize);
-                    of_corners(&triangles, &search, &by_vertex, face, corners[k], weights)
+                    of_corners(&triangles, &search, &by_vertex, face, corners[k], scaled(weights, k))
                 })
             }
             Bind::Nearest { positions, farthest } => {
@@ -240,7 +261,7 @@ impl Binding {
             points: Vec::with_capacity(hits.len()),
             states: Vec::with_capacity(hits.len()),
             skins: Vec::new(),
-            order: (0..hits.len() as u32).collect(),
+            order: Vec::with_capacity(hits.len()),
             place: vec![0; hits.len()],
         };
         for (k, hit) in hits.into_iter().enumerate() {
@@ -260,12 +281,13 @@ impl Binding {
             binding.points.push(Bound { tile, triangle, uv: hit.uv - origin, foot: hit.foot, height });
             binding.states.push(state);
         }
-        let Binding { points, order, place, .. } = &mut binding;
-        order.sort_unstable_by_key(|&k| {
-            let point = &points[k as usize];
-            (point.tile, point.triangle, k)
-        });
-        (0..).zip(&*order).for_each(|(n, &k)| place[k as usize] = n);
+        let keys = (0..).zip(&binding.points).map(|(k, point)| (point.tile, point.triangle, k));
+        let mut sorted: Vec<(u32, u32, u32)> = keys.collect();
+        sorted.sort_unstable();
+        for (n, (_, _, k)) in (0..).zip(sorted) {
+            binding.place[k as usize] = n;
+            binding.order.push(k);
+        }
         Ok(binding)
     }
 
@@ -286,22 +308,32 @@ fn check_corners(mesh: &Mesh, corners: &[[u32; 3]], weights: &Strided) -> Result
                 "corners[{k}]: {a}, {b}, {c} are not three corners of one face"
             )));
         }
-        let sum: f64 = (0..3).map(|c| weights.get(k, c)).sum();
-        if sum.is_nan() || sum.abs() <= 1e-6 {
-            return Err(Error::argument(format!("weights[{k}]: their sum is {sum}")));
+        let [a, b, c] = scaled(weights, k);
+        if (a + b + c).abs() <= 1e-6 {
+            return Err(Error::argument(format!("weights[{k}]: their sum is 0")));
         }
         faces.push(face as u32);
     }
     Ok(faces)
 }
 
-fn of_uv(triangles: &Triangles, search: &Nearest, uv: DVec2, layers: std::ops::RangeInclusive<u32>) -> Hit {
-    let find = |layer: u32| search.find(uv.extend(layer.into()));
-    let found = layers.filter_map(find).reduce(|best, next| {
-        let is_better = best.distance > BESIDE && next.distance < best.distance;
-        if is_better { next } else { best }
-    });
-    let Some(found) = found else {
+/// The weights of a point, of which the largest is from 1 to 2: their sum neither overflows nor vanishes.
+fn scaled(weights: &Strided, k: usize) -> [f64; 3] {
+    let given = [0, 1, 2].map(|c| weights.get(k, c));
+    let scale = power_of_two(given.iter().fold(0.0, |most: f64, weight| most.max(weight.abs())));
+    given.map(|weight| weight / scale)
+}
+
+fn of_uv(triangles: &Triangles, search: &ByUv, uv: DVec2, layers: std::ops::RangeInclusive<u32>) -> Hit {
+    let mut best: Option<Found> = None;
+    for layer in layers {
+        let least = best.map_or(f64::INFINITY, |best| best.distance);
+        if least <= BESIDE {
+            break;
+        }
+        best = search.find(uv, layer).filter(|next| next.distance < least).or(best);
+    }
+    let Some(found) = best else {
         let skin = Skin { vertices: [0; 3], weights: [1.0, 0.0, 0.0] };
         let foot = DVec3::from(triangles.mesh.rest[0]);
         return Hit { triangle: None, uv, foot, skin, state: PointState::Outside };
@@ -319,7 +351,7 @@ fn of_uv(triangles: &Triangles, search: &Nearest, uv: DVec2, layers: std::ops::R
 
 fn of_corners(
     triangles: &Triangles,
-    search: &Nearest,
+    search: &ByUv,
     (starts, list): &(Vec<u32>, Vec<u32>),
     face: std::ops::Range<usize>,
     corners: [u32; 3],

@@ -7,9 +7,8 @@ use vrtm_core::mesh::{Mesh, NONE};
 use vrtm_core::team::Team;
 
 use crate::bind::{Binding, Pieces};
-use crate::course::{Body, Course, Fit, Point, absolute, from_rest, on_skin};
-use crate::features::smooth;
-use crate::frame::{Frame, Motion, blended, normal, polar, quaternion};
+use crate::course::{Body, Course, Fit, absolute, from_rest, on_skin};
+use crate::frame::{Frame, Motion, blended, normal, polar, quaternion, smooth};
 use crate::surface::{Place, Posed, Spot, Surface, uv_of};
 use crate::tile::Tile;
 
@@ -22,19 +21,6 @@ pub struct Carried {
     pub stretch: [f64; 2],
     /// Redirected UV of the point, among all tiles.
     pub uv: DVec2,
-}
-
-/// The last point that was carried: its tile and triangle at rest, and its triangle under the warp.
-#[derive(Clone, Copy, Debug)]
-pub struct LastPoint {
-    from: (u32, u32),
-    to: u32,
-}
-
-impl Default for LastPoint {
-    fn default() -> LastPoint {
-        LastPoint { from: (NONE, NONE), to: NONE }
-    }
 }
 
 /// A point as the skin carries it.
@@ -131,7 +117,8 @@ impl<'a> Carriage<'a> {
         let motion = Motion::fit(fitted.map(|(node, at)| (node.weight, node.rest, *at)));
         let rim = nodes.iter().zip(&posed).filter(|(node, _)| node.is_rim);
         let apart = |motion: Motion| {
-            rim.fold(0.0, |most: f64, (node, at)| most.max(motion.at(node.rest).distance(*at)))
+            let apart = rim.map(|(node, at)| motion.part * motion.at(node.rest).distance(*at));
+            apart.fold(0.0, f64::max)
         };
         (motion, motion.map_or(0.0, apart))
     }
@@ -142,7 +129,7 @@ impl<'a> Carriage<'a> {
         let points = &pieces.points[first..pieces.ends[piece] as usize];
         let of_point = |&k: &u32| {
             let n = self.parts.binding.place[k as usize] as usize;
-            let (skin, point) = (self.skin(n, &mut LastPoint::default()), &self.parts.course.points[n]);
+            let (skin, point) = (self.skin(n), &self.parts.course.points[n]);
             let offset = DVec3::from(point.offset.map(f64::from));
             let body = &self.parts.course.bodies[point.body as usize];
             let axes = skin.frame(point.inverse.map(f64::from)).axes;
@@ -163,20 +150,6 @@ impl<'a> Carriage<'a> {
         if spot.is_inside { spot } else { self.spot_by_nodes(tile, triangle, uv).unwrap_or(spot) }
     }
 
-    /// The spot of a point. Its walk begins where that of the last point ended if both stand on one triangle at rest:
-    /// most walks are over then.
-    #[inline(always)]
-    fn spot_near(&self, point: &Point, to: DVec2, last: &mut LastPoint) -> Spot {
-        let from = (point.tile, point.triangle);
-        let spot = match last.from == from {
-            true => Some(self.surface(point.tile).walk(last.to, to)).filter(|spot| spot.is_inside),
-            false => None,
-        };
-        let spot = spot.unwrap_or_else(|| self.spot(point.tile, point.triangle, to));
-        *last = LastPoint { from, to: spot.triangle };
-        spot
-    }
-
     /// A border between may have stopped a walk: from the nodes around the UV there is none.
     #[cold]
     fn spot_by_nodes(&self, tile: u32, triangle: u32, uv: DVec2) -> Option<Spot> {
@@ -192,7 +165,7 @@ impl<'a> Carriage<'a> {
 
     /// The `n`-th point as the skin carries it.
     #[inline(always)]
-    fn skin(&self, n: usize, last: &mut LastPoint) -> OnSkin {
+    fn skin(&self, n: usize) -> OnSkin {
         let point = &self.parts.course.points[n];
         if point.tile == NONE {
             let place = on_skin(&self.parts.binding.skins[point.triangle as usize], self.position);
@@ -201,7 +174,7 @@ impl<'a> Carriage<'a> {
         let k = point.tile as usize;
         let warp = point.mean.warp(&self.tiles[k]).filter(|_| self.parts.fit != Fit::None);
         let to = point.uv + warp.map_or(DVec2::ZERO, |(moved, _)| moved);
-        let spot = self.spot_near(point, to, last);
+        let spot = self.spot(point.tile, point.triangle, to);
         let place = self.surface(point.tile).place(&self.posed[k], &spot);
         let Some((_, derivatives)) = warp else {
             return OnSkin::still(place, absolute(self.parts.mesh, point.tile, point.uv));
@@ -212,16 +185,21 @@ impl<'a> Carriage<'a> {
 
     /// The position of the `n`-th point as the skin carries it, for a point at this height and not beside its foot.
     #[inline(always)]
-    fn above_skin(&self, n: usize, height: f64, last: &mut LastPoint) -> DVec3 {
+    fn above_skin(&self, n: usize, height: f64) -> DVec3 {
         let point = &self.parts.course.points[n];
         if point.tile == NONE || height != 0.0 {
-            let skin = self.skin(n, last);
+            let skin = self.skin(n);
             return skin.place.at + skin.normal() * height;
         }
         let k = point.tile as usize;
         let moved = point.mean.moved(&self.tiles[k]).filter(|_| self.parts.fit != Fit::None);
-        let spot = self.spot_near(point, point.uv + moved.unwrap_or_default(), last);
+        let spot = self.spot(point.tile, point.triangle, point.uv + moved.unwrap_or_default());
         self.surface(point.tile).at(&self.posed[k], &spot)
+    }
+
+    /// True if the third axis of the `n`-th point's frame is that of its rotation turned over.
+    pub fn is_mirrored(&self, n: usize) -> bool {
+        self.parts.course.points[n].is_mirrored
     }
 
     /// The number of the `n`-th point in the order of the binding.
@@ -233,7 +211,7 @@ impl<'a> Carriage<'a> {
     /// The `n`-th point in the pose, in the order of the binding. Without `on_surface`, stretch and UV of a
     /// point that moves with its body alone are left out; without `rotates`, rotations.
     #[inline(always)]
-    pub fn carry(&self, n: usize, rotates: bool, on_surface: bool, last: &mut LastPoint) -> Carried {
+    pub fn carry(&self, n: usize, rotates: bool, on_surface: bool) -> Carried {
         let point = &self.parts.course.points[n];
         let offset = DVec3::from(point.offset.map(f64::from));
         let body = self.body(n, offset.z);
@@ -249,9 +227,9 @@ impl<'a> Carriage<'a> {
         // Of a position, most points need the normal at most.
         let is_above = offset.x == 0.0 && offset.y == 0.0;
         let position = if is_above && !rotates && !on_surface {
-            self.above_skin(n, offset.z, last)
+            self.above_skin(n, offset.z)
         } else {
-            let skin = self.skin(n, last);
+            let skin = self.skin(n);
             let frame = skin.frame(point.inverse.map(f64::from));
             if rotates {
                 let own = DQuat::from_array(point.own.map(f64::from));
@@ -281,6 +259,7 @@ impl<'a> Carriage<'a> {
             self.parts.pieces.and_then(|pieces| self.of_pieces.get(number(pieces) as usize)?.as_ref());
         let feature = || Some((self.features.get(body.feature as usize)?.as_ref()?, f64::from(body.part)));
         let (motion, part) = piece.map(|motion| (motion, 1.0)).or_else(feature)?;
+        let part = part * motion.part;
         let part = if self.parts.skirt > 0.0 { part * smooth(height / self.parts.skirt) } else { part };
         Some((motion, body, part))
     }

@@ -9,7 +9,7 @@ use vrtm_core::view::Strided;
 
 use crate::bind::{Binding, Pieces, Skin};
 use crate::features::{FeatureNode, Features};
-use crate::frame::{normal, polar, quaternion};
+use crate::frame::{normal, normalised, polar, power_of_two, quaternion};
 use crate::nearest::weighed;
 use crate::surface::{Place, Posed, Surface};
 use crate::tile::{Mean, Tile};
@@ -48,6 +48,8 @@ pub(crate) struct Point {
     pub own: [f32; 4],
     /// Its index among the bodies; `NONE` for a point that moves with the surface alone.
     pub body: u32,
+    /// The third axis of the host's frame is turned over.
+    pub is_mirrored: bool,
 }
 
 /// A point of a rigid body.
@@ -156,7 +158,7 @@ impl Course {
             let is_rounding = beside.abs().max_element() <= ROUNDING * bound.foot.abs().max_element();
             let beside = if is_rounding { DVec3::ZERO } else { beside };
             let offset = axes.transpose() * beside + DVec3::new(0.0, 0.0, bound.height);
-            let host = host_frame(frames, k);
+            let (host, is_mirrored) = host_frame(frames, k).unwrap_or_default();
             let own = quaternion(&axes).conjugate() * host;
             let found = features.as_ref().filter(|_| bound.tile != NONE);
             let found = found.and_then(|features| features.at(bound.tile, triangle, bound.uv));
@@ -170,6 +172,7 @@ impl Course {
                 inverse: inverse.map(|x| x as f32),
                 own: own.to_array().map(|x| x as f32),
                 body: NONE,
+                is_mirrored,
             };
             let host = host.to_array().map(|x| x as f32);
             (point, Body { rest: place.at + axes * offset, host, feature, part })
@@ -215,6 +218,15 @@ impl Course {
         Course { points, bodies, is_above, surfaces, charts, nodes, ends }
     }
 
+    /// Bytes of a course of bound points at most, but for collars and nodes of features: with a body for each point.
+    pub fn estimate(mesh: &Mesh, uv_set: usize, binding: &Binding, fit: Fit, has_pieces: bool) -> usize {
+        let of_set = mesh.tiles.iter().filter(|tile| tile.uv_set as usize == uv_set);
+        let surfaces: usize = of_set.map(|tile| Surface::bytes_of(tile)).sum();
+        let has_bodies = fit == Fit::Feature || has_pieces;
+        let body = if has_bodies { size_of::<Body>() } else { 0 };
+        surfaces + binding.points.len() * (size_of::<Point>() + body)
+    }
+
     pub fn features(&self) -> usize {
         self.ends.len()
     }
@@ -234,17 +246,21 @@ impl Course {
     }
 }
 
-/// The host's frame of a point: a quaternion, or the rows of a matrix; the identity without frames.
-pub(crate) fn host_frame(frames: Option<&Strided>, k: usize) -> DQuat {
-    let Some(frames) = frames else { return DQuat::IDENTITY };
-    let get = |c: usize| frames.get(k, c);
+/// The host's frame of a point, by a quaternion or the rows of a matrix, and true for one that is mirrored: its third
+/// axis is that of the rotation turned over. `None` for a quaternion of zeros, and a matrix whose axes lie in a plane.
+pub fn host_frame(frames: Option<&Strided>, k: usize) -> Option<(DQuat, bool)> {
+    /// The least volume of axes of length 1.
+    const FLAT: f64 = 1e-6;
+    let Some(frames) = frames else { return Some((DQuat::IDENTITY, false)) };
+    let largest = (0..frames.components()).fold(0.0, |most: f64, c| most.max(frames.get(k, c).abs()));
+    let get = |c: usize| frames.get(k, c) / power_of_two(largest);
     if frames.components() == 4 {
-        return crate::frame::normalised([0, 1, 2, 3].map(get));
+        return (largest > 0.0).then(|| (normalised([0, 1, 2, 3].map(get)), false));
     }
-    let row = |r: usize| DVec3::new(get(3 * r), get(3 * r + 1), get(3 * r + 2));
-    let columns = DMat3::from_cols(row(0), row(1), row(2)).transpose();
-    let [a, b] = [columns.x_axis, columns.y_axis];
-    quaternion(&polar(normal(a, b), [a, b]).axes)
+    let [a, b, c] = [0, 1, 2].map(|c| DVec3::new(get(c), get(3 + c), get(6 + c)));
+    let (normal_of, volume) = (normal(a, b), a.cross(b).dot(c));
+    let is_whole = volume.abs() > FLAT * a.length() * b.length() * c.length();
+    is_whole.then(|| (quaternion(&polar(normal_of, [a, b]).axes), volume < 0.0))
 }
 
 fn inverse(order: &[u32]) -> Vec<u32> {

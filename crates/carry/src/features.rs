@@ -10,6 +10,7 @@ use vrtm_core::mesh::{Mesh, NONE, TileMesh};
 use vrtm_core::sets::root;
 use vrtm_core::team::Team;
 
+use crate::frame::smooth;
 use crate::surface::{Posed, Spot, Surface, weights};
 use crate::tile::Tile;
 
@@ -313,10 +314,4 @@ fn edge(mesh: &TileMesh, t: u32, corner: usize, first: impl Fn(u32) -> bool) -> 
     let [a, b] = ends(corner);
     let (p, q) = (triangle.uv[a], triangle.uv[b]);
     if first(vertices[triangle.local[a] as usize]) { [p, q] } else { [q, p] }
-}
-
-/// From 0 to 1 as x does, with a derivative that is 0 at both.
-pub fn smooth(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
 }

@@ -17,6 +17,6 @@ mod course;
 mod carried;
 
 pub use bind::{Bind, Binding, Pieces, PointState};
-pub use carried::{Carriage, Carried, LastPoint, Parts};
-pub use course::{Course, Fit};
+pub use carried::{Carriage, Carried, Parts};
+pub use course::{Course, Fit, host_frame};
 pub use tile::Tile;

@@ -100,18 +100,37 @@ impl Nearest {
                 continue;
             }
             for &triangle in &self.order[node.at as usize..(node.at + node.count) as usize] {
-                let corners = &self.triangles[triangle as usize];
-                let weights = nearest_weights(corners, to);
-                let d2 = (weighed(*corners, weights) - to).length_squared();
-                let is_better = best
-                    .as_ref()
-                    .is_none_or(|(least, found)| d2 < *least || (d2 == *least && triangle < found.triangle));
-                if is_better {
-                    best = Some((d2, Found { triangle, weights, distance: d2.sqrt() }));
-                }
+                self.compare(triangle, to, &mut best);
             }
         }
         best.map(|(_, found)| found)
+    }
+
+    /// The nearest point of some triangles, if it is not farther than `within`.
+    pub fn find_among(&self, some: impl Iterator<Item = usize>, to: DVec3, within: f64) -> Option<Found> {
+        let mut best = None;
+        for t in some {
+            let [a, b, c] = self.triangles[t];
+            let beside = to - to.max(a.min(b).min(c)).min(a.max(b).max(c));
+            if beside.abs().max_element() <= within {
+                self.compare(t as u32, to, &mut best);
+            }
+        }
+        best.map(|(_, found)| found).filter(|found| found.distance <= within)
+    }
+
+    /// Replaces the best point, and its squared distance, by that of a triangle if this is nearer.
+    #[inline(always)]
+    fn compare(&self, triangle: u32, to: DVec3, best: &mut Option<(f64, Found)>) {
+        let corners = &self.triangles[triangle as usize];
+        let weights = nearest_weights(corners, to);
+        let d2 = (weighed(*corners, weights) - to).length_squared();
+        let is_better = best
+            .as_ref()
+            .is_none_or(|(least, found)| d2 < *least || (d2 == *least && triangle < found.triangle));
+        if is_better {
+            *best = Some((d2, Found { triangle, weights, distance: d2.sqrt() }));
+        }
     }
 }
 

@@ -80,6 +80,12 @@ impl Surface {
         size_of_val(&*self.triangles) + areas
     }
 
+    /// Bytes of a tile's surface without collars.
+    pub fn bytes_of(tile: &TileMesh) -> usize {
+        let vertices: usize = tile.charts.iter().map(|chart| chart.count()).sum();
+        tile.triangles.len() * size_of::<Triangle>() + vertices * size_of::<f64>()
+    }
+
     pub fn chart(&self, triangle: u32) -> u32 {
         self.triangles[triangle as usize].chart
     }

@@ -93,7 +93,7 @@ pub struct DeviceSettings {
     /// CPU threads per solve, at most 1024; `None` = one per core.
     pub threads: Option<NonZeroU32>,
     /// Most bytes that the tiles of all assets of the device may hold together between calls: maps, grids, solvers,
-    /// results; `None` = no limit.
+    /// results, and carriers with the poses that they follow; `None` = no limit.
     pub memory_budget: Option<u64>,
     /// Receiver of the log's lines; `None` = none.
     pub log: Option<LogFn>,

@@ -218,7 +218,8 @@ impl<'a> Strided<'a> {
         for c in 0..self.components {
             let value = self.get(i, c);
             if !good(value) {
-                return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}")));
+                let why = if value.is_finite() { ", which is beyond f32" } else { "" };
+                return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}{why}")));
             }
         }
         Ok(())

@@ -10,10 +10,11 @@ use super::{Carried, Carrier, Kept, Key};
 use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, TileResult};
 use crate::solved::Solved;
-use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile};
+use vrtm_carry::{Carriage, Course, Parts, Tile};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::Grid;
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
 use vrtm_core::view::{Packed, StridedMut};
@@ -23,8 +24,11 @@ use vrtm_cpu::prefetch::prefetch;
 const CHUNK: usize = 1024;
 /// Points from the one that is written to the one whose place in the host's arrays is asked for: it may be anywhere.
 const AHEAD: usize = 16;
-/// Bytes per node of a grid while its features are found: coverage, maps, numbers.
-const BYTES_PER_NODE: u64 = 32;
+
+/// Bytes while features are found on grids: per node coverage, maps, numbers.
+pub(super) fn bytes_of_features<'a>(grids: impl Iterator<Item = &'a Grid>) -> u64 {
+    grids.map(|grid| 32 * (grid.levels[0].nx * grid.levels[0].ny) as u64).sum()
+}
 
 impl Carrier {
     /// Makes ready to carry the points into the pose of results, which may not be published yet.
@@ -63,8 +67,7 @@ impl Carrier {
             return Ok(kept);
         }
         let mut booked = self.results.0.device().booking();
-        let nodes: u64 = tiles.iter().map(Tile::cells).map(|[nx, ny]| (nx * ny) as u64).sum();
-        booked.set(BYTES_PER_NODE * nodes, "a carrier's features")?;
+        booked.set(bytes_of_features(tiles.iter().filter_map(|tile| tile.grid)), "a carrier's features")?;
         let frames = self.frames.as_ref().map(Packed::view);
         let mesh = self.results.0.mesh();
         let course =
@@ -122,22 +125,21 @@ impl Begun<'_> {
         let count = carrier.binding.points.len();
         let on_surface = out.stretch.is_some() || out.uvs.is_some();
         team.run(count.div_ceil(CHUNK), |chunk| {
-            let mut last = LastPoint::default();
             for n in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
                 if let Some(next) = carriage.number(n + AHEAD) {
                     let arrays = [&out.positions, &out.rotations, &out.stretch, &out.uvs];
                     arrays.into_iter().flatten().for_each(|array| prefetch(array.address(next)));
                 }
                 let Some(k) = carriage.number(n) else { return };
-                let carried = carriage.carry(n, out.rotations.is_some(), on_surface, &mut last);
+                let carried = carriage.carry(n, out.rotations.is_some(), on_surface);
                 put(&out.positions, k, (carried.position / factor).to_array());
                 match &out.rotations {
                     Some(array) if array.components() == 9 => {
-                        put(
-                            &out.rotations,
-                            k,
-                            DMat3::from_quat(carried.rotation).transpose().to_cols_array(),
-                        );
+                        let mut axes = DMat3::from_quat(carried.rotation);
+                        if carriage.is_mirrored(n) {
+                            axes.z_axis = -axes.z_axis;
+                        }
+                        put(&out.rotations, k, axes.transpose().to_cols_array());
                     }
                     rotations => put(rotations, k, carried.rotation.to_array()),
                 }

@@ -1,10 +1,10 @@
 //! Wrong arguments, and the order of calls.
 
 use super::sheet::{Layout, Sheet, by_uv, disc, fetch, lattice, solve};
-use super::{bulge, uvs, warped};
+use super::{bulge, bytes_of, uvs, warped};
 use vrtm::{
-    Asset, Bind, Carried, CarrierSettings, ErrorKind, Fetch, FetchKind, Fit, ImageLayout, ImageViewMut,
-    PixelFormat, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
+    Asset, Backend, Bind, Carried, CarrierSettings, Device, DeviceSettings, ErrorKind, Fetch, FetchKind, Fit,
+    ImageLayout, ImageViewMut, PixelFormat, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
 };
 
 fn sheet() -> Sheet {
@@ -48,6 +48,93 @@ fn wrong_arguments_are_named() {
     corners([0, 1, u32::MAX], &[[1.0, 0.0, 0.0]], "not three corners");
     corners([0, 1, 2], &[[1.0, -1.0, 0.0]], "weights[0]: their sum is 0");
     corners([0, 1, 2], &[], "weights: 0 elements");
+    for (frame, is_good) in [
+        (&[0.0; 4][..], false),
+        (&[0.0, 0.0, 1e-30, 0.0], true),
+        (&[0.0; 9], false),
+        (&[1.0, 2.0, 3.0, 2.0, 4.0, 6.0, 0.0, 0.0, 1.0], false),
+        (&[1e-30, 0.0, 0.0, 0.0, 1e30, 0.0, 0.0, 0.0, -1.0], true),
+    ] {
+        let (whole, n) =
+            ([&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0][..frame.len()], frame].concat(), frame.len());
+        let frames = Some(Strided::new("frames", bytes_of::<f64>(&whole), Scalar::F64, n, 2, 0).unwrap());
+        let settings = CarrierSettings { frames, ..of(&[[0.5, 0.5]; 2]) };
+        if is_good {
+            asset.carrier(&settings).unwrap();
+        } else {
+            refused(&settings, "frames[1] is zero, or a matrix whose axes lie in a plane");
+        }
+    }
+    // What is kept as f32 must be within its range.
+    let (far, at) =
+        ([[1e39, 0.0, 0.0]], Strided::new("heights", bytes_of(&[1e39]), Scalar::F64, 1, 1, 0).unwrap());
+    refused(&CarrierSettings { heights: Some(at), ..good }, "heights[0]: component 0 is 1");
+    let far = Bind::Nearest { positions: Strided::from_f64x3(&far), farthest: None };
+    refused(&CarrierSettings::new(far), "which is beyond f32");
+}
+
+#[test]
+fn weights_count_by_their_ratio_and_mirrored_frames_stay_mirrored() {
+    let sheet = sheet();
+    let mut asset = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
+    let weights = [1.0, 1e-7, 1e-300, 1e307, -1e307].map(|unit| [2.0, 3.0, 4.0].map(|x| unit * x));
+    let by = |weights| Bind::Corners { corners: &[[0, 1, 2]; 5], weights };
+    // Two axes changed, one turned over, and one of them alone.
+    let mirrors =
+        [[0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]];
+    let frames: Vec<[f64; 9]> = (0..5).map(|k| mirrors[k % 2]).collect();
+    let frames = Some(Strided::new("frames", bytes_of(&frames), Scalar::F64, 9, 5, 0).unwrap());
+    let settings = CarrierSettings { frames, ..CarrierSettings::new(by(Strided::from_f64x3(&weights))) };
+    let carrier = asset.carrier(&settings).unwrap();
+    solve(&mut asset, &sheet.rest);
+    let all = fetch(&carrier);
+    for k in 0..5 {
+        assert!(super::distance(all.positions[k], all.positions[0]) < 1e-12, "{k}");
+        let apart = |c: usize| (all.rotations[k][c] - mirrors[k % 2][c]).abs();
+        assert!((0..9).all(|c| apart(c) < 1e-6), "{k}: {:?}", all.rotations[k]);
+    }
+}
+
+/// A carrier that is made can be fetched: its creation asks for the room of the first fetch.
+#[test]
+fn a_budget_refuses_carriers_when_they_are_made() {
+    let sheet = sheet();
+    let on = |memory_budget: Option<u64>| {
+        let settings = DeviceSettings { backend: Backend::Cpu, memory_budget, ..DeviceSettings::default() };
+        let mut asset = sheet.asset_on(
+            &Device::new(&settings).unwrap(),
+            32,
+            disc([0.5, 0.5], 0.4),
+            TileSettings::default(),
+        );
+        // The second solve holds two results.
+        (0..2).for_each(|_| solve(&mut asset, &sheet.rest));
+        asset
+    };
+    let held = on(None).device().info().bytes_held;
+    let points = uvs(Layout::Whole, &lattice(60));
+    let mut made = [0; 2];
+    for step in 0..40 {
+        let mut asset = on(Some(held + 50_000 + 40_000 * step));
+        let pairs: Vec<[f32; 2]> = points.iter().map(|uv| uv.map(|x| x as f32)).collect();
+        let by = Bind::Uv { uvs: Strided::from_f32x2(&pairs), layers: None };
+        match asset.carrier(&CarrierSettings::new(by)) {
+            Ok(carrier) => {
+                solve(&mut asset, &sheet.pose(warped));
+                fetch(&carrier);
+                made[1] += 1;
+            }
+            Err(error) => {
+                assert!(
+                    error.message.starts_with("a carrier with its first fetch needs"),
+                    "{}",
+                    error.message
+                );
+                made[0] += 1;
+            }
+        }
+    }
+    assert!(made.iter().all(|count| *count > 5), "{made:?}");
 }
 
 #[test]

@@ -2,8 +2,8 @@
 //! it.
 
 use vrtm::{
-    Asset, Bind, Carried, Carrier, CarrierSettings, FetchKind, Fit, ImageView, MeshSource, SolveOptions,
-    Strided, StridedMut, TileSettings, UvSource,
+    Asset, Bind, Carried, Carrier, CarrierSettings, Device, FetchKind, Fit, ImageView, MeshSource,
+    SolveOptions, Strided, StridedMut, TileSettings, UvSource,
 };
 use vrtm_testkit::{cpu, texels};
 
@@ -108,6 +108,16 @@ impl Sheet {
         rigidity: impl Fn(P2) -> f64,
         settings: TileSettings,
     ) -> Asset {
+        self.asset_on(&cpu(threads), grid, rigidity, settings)
+    }
+
+    pub fn asset_on(
+        &self,
+        device: &Device,
+        grid: u32,
+        rigidity: impl Fn(P2) -> f64,
+        settings: TileSettings,
+    ) -> Asset {
         let dot = vec![[0.5f32, 0.5]; self.uvs.len()];
         let of_set = |uvs| UvSource { u: Strided::from_f32x2(uvs), ..UvSource::default() };
         let second = [of_set(&self.uvs)];
@@ -122,7 +132,7 @@ impl Sheet {
             max_layers: if self.layout == Layout::Stacked { 2 } else { 0 },
             ..MeshSource::default()
         };
-        let mut asset = Asset::new(&cpu(threads), &source).unwrap();
+        let mut asset = Asset::new(device, &source).unwrap();
         let size = 4 * grid;
         let texel = |k: u32| {
             let at = [k % size, k / size].map(|n| (f64::from(n) + 0.5) / f64::from(size));
@@ -165,6 +175,11 @@ pub struct All {
 }
 
 pub fn fetch(carrier: &Carrier) -> All {
+    fetch_some(carrier, 15)
+}
+
+/// Fetches the arrays of which `wanted` has the bits, in their order; all others are zeros.
+pub fn fetch_some(carrier: &Carrier, wanted: u32) -> All {
     let n = carrier.info().points as usize;
     let mut all = All {
         positions: vec![[0.0; 3]; n],
@@ -173,10 +188,10 @@ pub fn fetch(carrier: &Carrier) -> All {
         uvs: vec![[0.0; 2]; n],
     };
     let out = Carried {
-        positions: Some(StridedMut::from_f64(&mut all.positions)),
-        rotations: Some(StridedMut::from_f64(&mut all.rotations)),
-        stretch: Some(StridedMut::from_f64(&mut all.stretch)),
-        uvs: Some(StridedMut::from_f64(&mut all.uvs)),
+        positions: Some(StridedMut::from_f64(&mut all.positions)).filter(|_| wanted & 1 != 0),
+        rotations: Some(StridedMut::from_f64(&mut all.rotations)).filter(|_| wanted & 2 != 0),
+        stretch: Some(StridedMut::from_f64(&mut all.stretch)).filter(|_| wanted & 4 != 0),
+        uvs: Some(StridedMut::from_f64(&mut all.uvs)).filter(|_| wanted & 8 != 0),
     };
     carrier.fetch(&out).unwrap();
     all
