@@ -34,10 +34,10 @@
 //! // Once per mesh: the device, the asset, its maps.
 //! let device = Device::new(&DeviceSettings::default())?;
 //! let mut asset = Asset::new(&device, &MeshSource {
-//!     positions: Strided::from_f32x3(&rest),
+//!     positions: Strided::from_slice(&rest),
 //!     face_counts: Some(&[4, 4]),
 //!     indices: &corners,
-//!     uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+//!     uvs: UvSource { u: Strided::from_slice(&uvs), v: None, indices: Some(&corners) },
 //!     ..MeshSource::default()
 //! })?;
 //! let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
@@ -51,7 +51,7 @@
 //! let mut map = vec![[0.0f32; 2]; 32 * 32];
 //! let image = ImageViewMut::from_texels("image", &mut map, [32, 32])?;
 //! let fetch = Fetch::Image { tile, kind: FetchKind::Redirection, image };
-//! asset.redirect(Strided::from_f32x3(&pose), &SolveOptions::default(), &mut [fetch])?;
+//! asset.redirect(Strided::from_slice(&pose), &SolveOptions::default(), &mut [fetch])?;
 //!
 //! let report = asset.tile_report(tile)?;
 //! assert!(report.energy < report.energy_before);
@@ -112,4 +112,4 @@ pub use vrtm_core::settings::{
     SolveOptions, Solver, TileSettings,
 };
 pub use vrtm_core::team::{Executor, Task};
-pub use vrtm_core::view::{Scalar, Strided, StridedMut};
+pub use vrtm_core::view::{Element, Scalar, Strided, StridedMut};

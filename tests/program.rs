@@ -46,10 +46,10 @@ fn solve(backend: Backend) -> vrtm::Result<()> {
     let mut asset = Asset::new(
         &device,
         &MeshSource {
-            positions: Strided::from_f32x3(&REST),
+            positions: Strided::from_slice(&REST),
             face_counts: Some(&[4, 4]),
             indices: &corners,
-            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+            uvs: UvSource { u: Strided::from_slice(&uvs), v: None, indices: Some(&corners) },
             ..MeshSource::default()
         },
     )?;
@@ -59,7 +59,7 @@ fn solve(backend: Backend) -> vrtm::Result<()> {
     asset.set_rigidity(0, Some(ImageView::new("rigidity", &painted, layout)?))?;
     let mut pose = REST;
     (pose[1][0], pose[4][0]) = (1.3, 1.3);
-    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
+    asset.solve(Strided::from_slice(&pose), &SolveOptions::default())?;
     let report = asset.tile_report(0)?;
     assert!(report.energy < report.energy_before && report.min_jacobian > 0.0);
     Ok(())

@@ -118,9 +118,9 @@ fn rows(args: &Args, model: &Model, frame: usize, setting: &str) -> Result<Strin
     // With everything prepared; the least of three.
     let mut ms = f64::INFINITY;
     for _ in 0..3 {
-        asset.solve(Strided::from_f32x3(&model.rest), &options).map_err(fail)?;
+        asset.solve(Strided::from_slice(&model.rest), &options).map_err(fail)?;
         let start = Instant::now();
-        asset.solve(Strided::from_f32x3(pose), &options).map_err(fail)?;
+        asset.solve(Strided::from_slice(pose), &options).map_err(fail)?;
         ms = ms.min(1000.0 * start.elapsed().as_secs_f64());
     }
     let features = if args.at_texels { at_texels } else { of_asset }(model, pose, &asset);
@@ -147,7 +147,7 @@ fn apart(gaps: &[f64]) -> String {
 fn steps(asset: &mut Asset, model: &Model, frame: usize, options: &SolveOptions) -> vrtm::Result<f64> {
     let mut warps = Vec::new();
     for t in WAY {
-        asset.solve(Strided::from_f64x3(&way(model, frame, t)), options)?;
+        asset.solve(Strided::from_slice(&way(model, frame, t)), options)?;
         let mut warp = Vec::new();
         for tile in 0..asset.tile_count() {
             warp.extend(asset.displacements(tile)?.iter().map(|u| u.map(f64::from)));

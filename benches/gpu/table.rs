@@ -60,7 +60,7 @@ fn once(
     map: &mut [u8],
     times: &mut Times,
 ) -> vrtm::Result<()> {
-    asset.solve(Strided::from_f32x3(pose), options)?;
+    asset.solve(Strided::from_slice(pose), options)?;
     let report = asset.tile_report(0)?;
     times.wall.push(report.times.total);
     if let Some(work) = asset.gpu_work(0)? {
@@ -154,7 +154,7 @@ pub fn kernels(device: &Device, size: u32, solves: usize, ceiling: f64) -> Resul
     let mut n = 0;
     let mut in_turn = || -> Result<GpuWork, String> {
         n += 1;
-        asset.solve(Strided::from_f32x3(&poses[n % 2]), &SolveOptions::default()).map_err(fail)?;
+        asset.solve(Strided::from_slice(&poses[n % 2]), &SolveOptions::default()).map_err(fail)?;
         asset.gpu_work(0).map_err(fail)?.ok_or_else(|| "no GPU work".into())
     };
     device.time_kernels(true);

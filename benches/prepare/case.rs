@@ -74,7 +74,7 @@ impl Case {
                 let pose = bulged(&positions, 0.2 + 0.1 * k as f32);
                 let start = Instant::now();
                 asset
-                    .solve(Strided::from_f32x3(&pose), &SolveOptions::default())
+                    .solve(Strided::from_slice(&pose), &SolveOptions::default())
                     .map_err(|e| e.to_string())?;
                 *seconds = start.elapsed().as_secs_f64();
             }

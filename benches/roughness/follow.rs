@@ -40,7 +40,7 @@ struct Solver<'a> {
 
 impl Solver<'_> {
     fn solve(&mut self, pose: &[[f64; 3]], options: &SolveOptions) -> (Warp, f64) {
-        self.asset.solve(Strided::from_f64x3(pose), options).unwrap();
+        self.asset.solve(Strided::from_slice(pose), options).unwrap();
         (roughness::warp(self.asset, self.tile), self.asset.tile_report(self.tile).unwrap().energy)
     }
 

@@ -54,7 +54,7 @@ pub fn play(
         (Vec::<Row>::new(), Vec::<Points>::new(), Vec::new(), Vec::new());
     for frame in 1..=frames {
         let pose = path.pose(frame);
-        asset.solve(Strided::from_f32x3(&pose), options).map_err(fail)?;
+        asset.solve(Strided::from_slice(&pose), options).map_err(fail)?;
         poses.push(doubles(&pose));
         warps.push(displacements(&asset));
         sums.push(sums_of_tiles(&asset).map_err(fail)?);

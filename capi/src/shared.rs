@@ -162,10 +162,10 @@ mod tests {
     fn triangle() -> Arc<SharedAsset> {
         let device = Device::new(&DeviceSettings::default()).unwrap();
         let mesh = MeshSource {
-            positions: Strided::from_f32x3(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+            positions: Strided::from_slice(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
             indices: &[0, 1, 2],
             uvs: UvSource {
-                u: Strided::from_f32x2(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+                u: Strided::from_slice(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
                 ..UvSource::default()
             },
             ..MeshSource::default()

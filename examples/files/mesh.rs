@@ -33,8 +33,8 @@ impl Default for Positions {
 impl Positions {
     pub fn view(&self) -> Strided<'_> {
         match self {
-            Positions::F32(points) => Strided::from_f32x3(points),
-            Positions::F64(points) => Strided::from_f64x3(points),
+            Positions::F32(points) => Strided::from_slice(points),
+            Positions::F64(points) => Strided::from_slice(points),
         }
     }
 
@@ -91,7 +91,7 @@ impl Mesh {
             positions,
             face_counts: Some(&self.face_counts),
             indices: &self.indices,
-            uvs: UvSource { u: Strided::from_f32x2(&self.uvs), v: None, indices: Some(&self.uv_indices) },
+            uvs: UvSource { u: Strided::from_slice(&self.uvs), v: None, indices: Some(&self.uv_indices) },
             ..MeshSource::default()
         }
     }

@@ -196,7 +196,7 @@ impl Model {
 
 /// A mesh as vrtm takes it.
 pub fn mesh_source<'a>(mesh: &'a Mesh, rest: &'a [[f32; 3]], layers: u32) -> MeshSource<'a> {
-    MeshSource { max_layers: layers, ..mesh.source(Strided::from_f32x3(rest)) }
+    MeshSource { max_layers: layers, ..mesh.source(Strided::from_slice(rest)) }
 }
 
 /// The layer of each triangle.

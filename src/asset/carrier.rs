@@ -93,22 +93,22 @@ pub struct Carried<'a> {
 /// let uvs = rest.map(|[x, y, _]: [f32; 3]| [x, y]);
 /// # let device = Device::new(&DeviceSettings::default())?;
 /// # let source = MeshSource {
-/// #     positions: Strided::from_f32x3(&rest),
+/// #     positions: Strided::from_slice(&rest),
 /// #     face_counts: Some(&[4]),
 /// #     indices: &[0, 1, 2, 3],
-/// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+/// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
 /// #     ..MeshSource::default()
 /// # };
 /// let mut asset = Asset::new(&device, &source)?;
 /// // A spike of height 0.1 in the middle.
 /// let carrier = asset.carrier(&CarrierSettings {
-///     heights: Some(Strided::from_f32(&[0.1])),
-///     ..CarrierSettings::new(Bind::Uv { uvs: Strided::from_f32x2(&[[0.5, 0.5]]), layers: None })
+///     heights: Some(Strided::from_slice(&[0.1])),
+///     ..CarrierSettings::new(Bind::Uv { uvs: Strided::from_slice(&[[0.5, 0.5]]), layers: None })
 /// })?;
 /// let pose = rest.map(|[x, y, z]| [z, y, 2.0 * x]);
-/// asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
+/// asset.solve(Strided::from_slice(&pose), &SolveOptions::default())?;
 /// let mut positions = [[0.0f32; 3]];
-/// carrier.fetch(&Carried { positions: Some(StridedMut::from_f32(&mut positions)), ..Carried::default() })?;
+/// carrier.fetch(&Carried { positions: Some(StridedMut::from_slice(&mut positions)), ..Carried::default() })?;
 /// assert_eq!(positions, [[-0.1, 0.5, 1.0]]);
 /// # Ok(())
 /// # }

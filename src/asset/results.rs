@@ -276,17 +276,17 @@ impl Results {
     /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
     /// # let source = MeshSource {
-    /// #     positions: Strided::from_f32x3(&rest),
+    /// #     positions: Strided::from_slice(&rest),
     /// #     face_counts: Some(&[4]),
     /// #     indices: &[0, 1, 2, 3],
-    /// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+    /// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
     /// #     ..MeshSource::default()
     /// # };
     /// let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
     /// let mut corners = [[0.0; 2]; 4];
     /// let error = asset.corner_uvs(&mut corners).expect_err("nothing is solved yet");
     /// assert_eq!(error.kind, ErrorKind::NotSolved);
-    /// asset.solve(Strided::from_f32x3(&rest), &SolveOptions::default())?;
+    /// asset.solve(Strided::from_slice(&rest), &SolveOptions::default())?;
     /// asset.corner_uvs(&mut corners)?;
     /// assert_eq!(corners, uvs, "at rest a corner has its own UV");
     /// # Ok(())

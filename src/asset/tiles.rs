@@ -62,10 +62,10 @@ impl Asset {
     /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
     /// # let source = MeshSource {
-    /// #     positions: Strided::from_f32x3(&rest),
+    /// #     positions: Strided::from_slice(&rest),
     /// #     face_counts: Some(&[4]),
     /// #     indices: &[0, 1, 2, 3],
-    /// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+    /// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
     /// #     ..MeshSource::default()
     /// # };
     /// # let spot = |k: usize| [k % 32, k / 32].iter().all(|x| (12..20).contains(x));
@@ -80,12 +80,12 @@ impl Asset {
     /// };
     /// let (mut asset, tile) = prepared()?;
     /// let bytes = asset.save_tile(tile)?;
-    /// asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
+    /// asset.solve(Strided::from_slice(&pose), &SolveOptions::default())?;
     ///
     /// // In another process, or on another machine:
     /// let (mut other, tile) = prepared()?;
     /// other.load_tile(tile, &bytes)?;
-    /// other.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
+    /// other.solve(Strided::from_slice(&pose), &SolveOptions::default())?;
     /// assert_eq!(other.tile_report(tile)?.energy, asset.tile_report(tile)?.energy);
     /// # Ok(())
     /// # }

@@ -37,7 +37,7 @@ fn during(f: impl FnOnce()) -> u64 {
 fn redirect(asset: &mut Asset, pose: &[[f32; 3]], bytes: &mut [u8]) {
     let image = ImageViewMut::new("image", bytes, ImageLayout::packed(256, 256, PixelFormat::F32)).unwrap();
     let fetch = Fetch::Image { tile: 0, kind: FetchKind::Redirection, image };
-    asset.redirect(Strided::from_f32x3(pose), &SolveOptions::default(), &mut [fetch]).unwrap();
+    asset.redirect(Strided::from_slice(pose), &SolveOptions::default(), &mut [fetch]).unwrap();
 }
 
 #[test]

@@ -49,10 +49,10 @@ impl CutSheet {
     pub fn asset(&self, device: &Device, size: usize, goes_on: bool) -> Asset {
         let corners: Vec<u32> = (0..self.uvs.len() as u32).collect();
         let source = MeshSource {
-            positions: Strided::from_f32x3(&self.rest),
+            positions: Strided::from_slice(&self.rest),
             face_counts: Some(&vec![4; self.indices.len() / 4]),
             indices: &self.indices,
-            uvs: UvSource { u: Strided::from_f32x2(&self.uvs), v: None, indices: Some(&corners) },
+            uvs: UvSource { u: Strided::from_slice(&self.uvs), v: None, indices: Some(&corners) },
             ..MeshSource::default()
         };
         let mut asset = Asset::new(device, &source).unwrap();
@@ -96,7 +96,7 @@ fn the_same_pose_again_costs_no_blend() {
     let mut asset = sheet.asset(&device, 64, true);
     let (first, second) = (sheet.pose(0.3), sheet.pose(0.2));
     let mut solve = |pose: &[[f32; 3]], dirty: Option<&[u32]>| {
-        let positions = Strided::from_f32x3(pose);
+        let positions = Strided::from_slice(pose);
         asset
             .run(&SolveRequest { positions, dirty_vertices: dirty, ..SolveRequest::default() }, &mut [])
             .unwrap();
@@ -123,7 +123,7 @@ fn collars_and_the_blend_can_be_cancelled_anywhere() {
     let sheet = CutSheet::new([3, 2], 4);
     let pose = sheet.pose(0.3);
     let solve = |asset: &mut Asset, control: Option<Arc<Control>>| {
-        let positions = Strided::from_f32x3(&pose);
+        let positions = Strided::from_slice(&pose);
         asset.run(&SolveRequest { positions, control, ..SolveRequest::default() }, &mut [])
     };
     let mut whole = sheet.asset(&device, 32, true);
@@ -153,7 +153,7 @@ fn a_solver_is_released_without_a_solve() {
     let mut asset = sheet.asset(&device, 64, false);
     let pose = sheet.pose(0.3);
     let mut run = |release_solvers| {
-        let positions = Strided::from_f32x3(&pose);
+        let positions = Strided::from_slice(&pose);
         asset.run(&SolveRequest { positions, release_solvers, ..SolveRequest::default() }, &mut []).unwrap();
         device.info().bytes_held
     };
@@ -175,7 +175,7 @@ fn beside_a_still_chart_both_sides_stay_together() {
     asset.set_rigidity(0, Some(view(&disc, size as u32, size as u32))).unwrap();
     change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [2.0 * x, y, z]).collect();
-    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+    asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
     let uvs = vrtm_testkit::corner_uvs(&asset);
     // In cells, of corners on a line u = constant.
     let most = |u: f32| {
@@ -196,7 +196,7 @@ fn a_tile_follows_the_setting_of_its_neighbour() {
     let sheet = CutSheet::new([2, 1], 8).in_two_tiles();
     let pose = sheet.pose(0.3);
     let run = |asset: &mut Asset, dirty_vertices| {
-        let positions = Strided::from_f32x3(&pose);
+        let positions = Strided::from_slice(&pose);
         asset.run(&SolveRequest { positions, dirty_vertices, ..SolveRequest::default() }, &mut []).unwrap();
         bits(asset)
     };
@@ -272,7 +272,7 @@ fn beside_a_slit_both_sides_stay_together() {
     asset.set_rigidity(0, Some(view(&discs, SIZE as u32, SIZE as u32))).unwrap();
     change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [1.6 * x, y, 1.6 * z]).collect();
-    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+    asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
     let uvs = vrtm_testkit::corner_uvs(&asset);
     // By how many cells both sides move at a vertex of the seam.
     let moved = |chart: usize, row: usize| {

@@ -37,7 +37,7 @@ fn no_frame_of_a_motion_is_the_identity() {
                 for frame in 0..10 {
                     let pose = pose(&model, 0.5 + 0.05 * frame as f32);
                     let options = SolveOptions { solver, warm, ..with_budget(ms) };
-                    asset.solve(Strided::from_f32x3(&pose), &options).unwrap();
+                    asset.solve(Strided::from_slice(&pose), &options).unwrap();
                     let report = asset.tile_report(0).unwrap();
                     let what = format!("{solver:?}, warm: {warm}, {ms} ms, frame {frame}: {report:?}");
                     assert!(report.max_displacement > 0.0, "{what}");

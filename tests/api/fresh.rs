@@ -110,9 +110,9 @@ impl Given {
 
     /// An asset that knows nothing else.
     fn fresh(&self, model: &Model, device: &Device) -> Asset {
-        let mut asset = model.bare_on(device, Strided::from_f32x3(&model.rest));
-        asset.set_vertex_rigidity(self.of_vertices[0].as_deref().map(Strided::from_f32)).unwrap();
-        asset.set_vertex_mask(self.of_vertices[1].as_deref().map(Strided::from_f32)).unwrap();
+        let mut asset = model.bare_on(device, Strided::from_slice(&model.rest));
+        asset.set_vertex_rigidity(self.of_vertices[0].as_deref().map(Strided::from_slice)).unwrap();
+        asset.set_vertex_mask(self.of_vertices[1].as_deref().map(Strided::from_slice)).unwrap();
         for tile in 0..TILES {
             asset.set_settings(tile, &self.settings[tile]).unwrap();
             asset.set_rigidity(tile, self.rigidity[tile].as_deref().map(image)).unwrap();
@@ -144,7 +144,7 @@ impl Given {
                 let step = 2 + random.below(3);
                 let number = |v: usize| if v % 7 < step { 1.0 } else { 0.0 };
                 self.of_vertices[which] = random.chance(70).then(|| (0..vertices).map(number).collect());
-                let of = self.of_vertices[which].as_deref().map(Strided::from_f32);
+                let of = self.of_vertices[which].as_deref().map(Strided::from_slice);
                 if which == 0 { asset.set_vertex_rigidity(of) } else { asset.set_vertex_mask(of) }.unwrap();
                 format!("vertices: {which} {step}")
             }
@@ -266,7 +266,7 @@ fn history(model: &Model, seed: u64, steps: usize) -> Counts {
         let tiles = random.chance(25).then_some(&some[..]);
         let dirty = random.chance(65).then(|| dirty(model, &poses, pose));
         let request = SolveRequest {
-            positions: Strided::from_f32x3(&model.frames[pose]),
+            positions: Strided::from_slice(&model.frames[pose]),
             options,
             tiles,
             dirty_vertices: dirty.as_deref(),

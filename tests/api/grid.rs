@@ -17,7 +17,7 @@ fn discs(side: usize, diameter: f64) -> Vec<u8> {
 /// A tile that one chart covers.
 fn sheet(device: &Device) -> Asset {
     let model = analytic().into_iter().find(|model| model.name == "squash").expect("the scene");
-    model.bare_on(device, Strided::from_f32x3(&model.rest))
+    model.bare_on(device, Strided::from_slice(&model.rest))
 }
 
 fn cells_of(asset: &mut Asset, side: usize, diameter: f64) -> u32 {
@@ -77,7 +77,7 @@ fn charts_are_features_where_all_is_rigid() {
     asset.set_rigidity(0, None).unwrap();
     assert_eq!(asset.tile_grid(0).unwrap(), [16; 2], "nothing can move");
     let values = vec![0.3; sixteen_charts(0.81).0.len()];
-    asset.set_vertex_rigidity(Some(Strided::from_f32(&values))).unwrap();
+    asset.set_vertex_rigidity(Some(Strided::from_slice(&values))).unwrap();
     assert_eq!(asset.tile_grid(0).unwrap(), [96; 2]);
 }
 

@@ -32,8 +32,8 @@ fn lines_about_a_mesh_have_its_numbers() {
     rest[14][2] = 1.0;
     let indices: Vec<u32> = (0..15).collect();
     let make = |device: &Device, rest: &[[f32; 3]]| {
-        let uvs = UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) };
-        let positions = Strided::from_f32x3(rest);
+        let uvs = UvSource { u: Strided::from_slice(&uvs), v: None, indices: Some(&indices) };
+        let positions = Strided::from_slice(rest);
         let seams = &[[0, 3]];
         Asset::new(device, &MeshSource { positions, indices: &indices, uvs, seams, ..MeshSource::default() })
             .unwrap()
@@ -91,15 +91,15 @@ fn overlaps_have_their_share() {
     let mut asset = Asset::new(
         &device,
         &MeshSource {
-            positions: Strided::from_f32x3(&rest),
+            positions: Strided::from_slice(&rest),
             face_counts: Some(&[4, 4]),
             indices: &indices,
-            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) },
+            uvs: UvSource { u: Strided::from_slice(&uvs), v: None, indices: Some(&indices) },
             ..MeshSource::default()
         },
     )
     .unwrap();
-    asset.set_vertex_rigidity(Some(Strided::from_f32(&[1.0; 6]))).unwrap();
+    asset.set_vertex_rigidity(Some(Strided::from_slice(&[1.0; 6]))).unwrap();
     let info = asset.tile_info(0).unwrap();
     let lines = said(&lines);
     let values =

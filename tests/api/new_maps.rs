@@ -56,9 +56,9 @@ struct Case {
 
 impl Case {
     fn make(&self, model: &Model, threads: u32) -> Asset {
-        let mut asset = model.bare_on(&cpu(threads), Strided::from_f32x3(&model.rest));
+        let mut asset = model.bare_on(&cpu(threads), Strided::from_slice(&model.rest));
         let free: Vec<f32> = (0..model.rest.len()).map(|v| if v % 9 == 4 { 0.0 } else { 1.0 }).collect();
-        asset.set_vertex_mask(self.vertex_mask.then(|| Strided::from_f32(&free))).unwrap();
+        asset.set_vertex_mask(self.vertex_mask.then(|| Strided::from_slice(&free))).unwrap();
         for tile in 0..TILES {
             asset.set_settings(tile, &self.settings).unwrap();
             if let Some(mask) = &self.mask {
@@ -201,7 +201,7 @@ fn it_does_with_the_rigidity_of_vertices() {
                 let count = asset.info().vertices as usize;
                 let number = |v: usize| if v % 7 < step { 1.0 } else { 0.0 };
                 let rigidity: Vec<f32> = (0..count).map(number).collect();
-                asset.set_vertex_rigidity(Some(Strided::from_f32(&rigidity))).unwrap();
+                asset.set_vertex_rigidity(Some(Strided::from_slice(&rigidity))).unwrap();
             }
         };
         history("vertices", &case, &[&set(2), &set(3), &set(4)], &[true, true]);

@@ -95,7 +95,7 @@ fn preparing_takes_little_more_than_what_stays() {
         let (positions, ..) = sixteen_charts(share);
         let pose = bulged(&positions, 0.3);
         let (peak, _, solved) =
-            counted(|| asset.solve(Strided::from_f32x3(&pose), &options(Quality::Normal)));
+            counted(|| asset.solve(Strided::from_slice(&pose), &options(Quality::Normal)));
         solved.unwrap();
         let total = (before + live + peak) as f64;
         let solving = estimate.solving_bytes as f64 / total;
@@ -113,17 +113,17 @@ fn what_lies_beyond_borders_is_estimated() {
         let mut asset = sheet.asset(&counting(None), size, true);
         let (_, collars, estimate) = counted(|| asset.tile_estimate(0).unwrap());
         let pose = sheet.pose(0.3);
-        let (peak, _, solved) = counted(|| asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)));
+        let (peak, _, solved) = counted(|| asset.solve(Strided::from_slice(&pose), &options(Quality::Draft)));
         solved.unwrap();
         let total = (collars + peak) as f64 + f64::from(size as u32).powi(2);
         let share = estimate.solving_bytes as f64 / total;
         println!("{charts:?} {size}²: {share:.3} of the peak was estimated; {estimate:?}");
         assert!((0.85..1.3).contains(&share), "{charts:?} {size}: {share}");
         let device = counting(Some(estimate.solving_bytes));
-        sheet.asset(&device, size, true).solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();
+        sheet.asset(&device, size, true).solve(Strided::from_slice(&pose), &options(Quality::Draft)).unwrap();
         let few = counting(Some(estimate.solving_bytes / 2));
         let mut asset = sheet.asset(&few, size, true);
-        let refused = asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap_err();
+        let refused = asset.solve(Strided::from_slice(&pose), &options(Quality::Draft)).unwrap_err();
         assert_eq!(refused.kind, ErrorKind::OutOfMemory);
     }
 }
@@ -137,7 +137,7 @@ fn refining_takes_memory_for_what_moves() {
         change(&mut asset, 0, |settings| settings.open_borders = open_borders);
         let (positions, ..) = sixteen_charts(0.01);
         let pose = bulged(&positions, 0.3);
-        asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();
+        asset.solve(Strided::from_slice(&pose), &options(Quality::Draft)).unwrap();
         let (peak, _, refined) = counted(|| asset.refine(&RefinementSettings::default()));
         let info = refined.unwrap().info();
         println!("{} MB at most for {} triangles, {open_borders:?}", peak >> 20, info.triangles);
@@ -157,7 +157,7 @@ fn measuring_is_booked() {
     let solve = |budget, options: &SolveOptions| {
         let device = counting(Some(budget));
         let mut asset = sheet.asset(&device, size, false);
-        let (peak, _, solved) = counted(|| asset.solve(Strided::from_f32x3(&pose), options));
+        let (peak, _, solved) = counted(|| asset.solve(Strided::from_slice(&pose), options));
         (solved.map_err(|error| error.kind), peak)
     };
     let ((plain, without), (all, with)) =
@@ -184,12 +184,12 @@ fn memory_is_refused_before_it_is_taken() {
     asset.tile_info(0).unwrap();
     let (positions, ..) = sixteen_charts(0.25);
     let (peak, _, solved) =
-        counted(|| asset.solve(Strided::from_f32x3(&positions), &options(Quality::Draft)));
+        counted(|| asset.solve(Strided::from_slice(&positions), &options(Quality::Draft)));
     // At rest nothing is solved, and nothing is needed.
     solved.unwrap();
     assert!(peak < needed.prepared_bytes, "{peak}");
     let pose = bulged(&positions, 0.3);
-    let (peak, _, solved) = counted(|| asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)));
+    let (peak, _, solved) = counted(|| asset.solve(Strided::from_slice(&pose), &options(Quality::Draft)));
     assert_eq!(solved.unwrap_err().kind, ErrorKind::OutOfMemory);
     assert!(peak < needed.prepared_bytes / 2, "{peak}");
 }
@@ -227,7 +227,7 @@ fn all_memory_goes_back_with_the_asset() {
     let (peak, live, ()) = counted(|| {
         for size in [256, 512] {
             let mut asset = sixteen(&device, size, 0.25);
-            asset.solve(Strided::from_f32x3(&pose), &options(Quality::Normal)).unwrap();
+            asset.solve(Strided::from_slice(&pose), &options(Quality::Normal)).unwrap();
             fetch(&mut asset, 0, FetchKind::Redirection, [size; 2]);
         }
     });
@@ -238,7 +238,7 @@ fn all_memory_goes_back_with_the_asset() {
 
 /// Everything of an asset's result that a host can see, but for times.
 fn seen(asset: &mut Asset, pose: &[[f32; 3]]) -> (Vec<[u32; 2]>, [f64; 4], [u64; 4], [u32; 3]) {
-    asset.solve(Strided::from_f32x3(pose), &options(Quality::Normal)).unwrap();
+    asset.solve(Strided::from_slice(pose), &options(Quality::Normal)).unwrap();
     let report = asset.tile_report(0).unwrap();
     let info = asset.tile_info(0).unwrap();
     let warp = fetch(asset, 0, FetchKind::Warp, report.grid.map(|n| n + 1));

@@ -82,7 +82,7 @@ fn only_the_tiles_that_dirty_vertices_touch() {
     let vertex = (0..model.rest.len()).filter(in_tile(1.0)).find(|v| !in_tile(0.0)(v)).unwrap();
     let mut pose = model.frames[0].clone();
     pose[vertex][1] += 0.05;
-    let positions = vrtm::Strided::from_f32x3(&pose);
+    let positions = vrtm::Strided::from_slice(&pose);
     let mut whole = model.asset(2, 64);
     whole.solve(positions, &SolveOptions::default()).unwrap();
     let dirty = [vertex as u32];

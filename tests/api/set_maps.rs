@@ -29,13 +29,15 @@ fn solved(steps: &[Step]) -> Vec<[u32; 2]> {
         match *step {
             Step::Map(is_set) => asset.set_rigidity(0, is_set.then(|| view(&texels, SIZE, SIZE))),
             Step::Mask(is_set) => asset.set_mask(0, is_set.then(|| view(&mask, SIZE, SIZE))),
-            Step::Vertices(is_set) => asset.set_vertex_rigidity(is_set.then(|| Strided::from_f32(&rigidity))),
-            Step::VertexMask(is_set) => asset.set_vertex_mask(is_set.then(|| Strided::from_f32(&free))),
+            Step::Vertices(is_set) => {
+                asset.set_vertex_rigidity(is_set.then(|| Strided::from_slice(&rigidity)))
+            }
+            Step::VertexMask(is_set) => asset.set_vertex_mask(is_set.then(|| Strided::from_slice(&free))),
         }
         .unwrap();
     }
     let pose = bulged(&rest, 1.0);
-    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+    asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
     bits(&asset)
 }
 
@@ -111,7 +113,7 @@ fn values_in_another_range_are_told_of() {
     let (rest, ..) = sixteen_charts(0.9);
     let pose = bulged(&rest, 1.0);
     let solve =
-        |asset: &mut Asset| asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+        |asset: &mut Asset| asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
     let without = |asset: &mut Asset| {
         asset.set_rigidity(0, None).unwrap();
         solve(asset);
@@ -121,7 +123,7 @@ fn values_in_another_range_are_told_of() {
     let found = warnings(&without);
     assert_eq!(found, [(LogCode::NoRigidity, None, 0.0)]);
     let found = warnings(&|asset| {
-        asset.set_vertex_rigidity(Some(Strided::from_f32(&vec![100.0; rest.len()]))).unwrap()
+        asset.set_vertex_rigidity(Some(Strided::from_slice(&vec![100.0; rest.len()]))).unwrap()
     });
     assert_eq!(found, [(LogCode::RigidityRange, None, 100.0)]);
 }

@@ -68,7 +68,7 @@ impl Sheet {
     fn solved(&self, settings: &TileSettings) -> Asset {
         let counts = vec![4; SIDE * SIDE];
         let source = MeshSource {
-            positions: Strided::from_f32x3(&self.rest),
+            positions: Strided::from_slice(&self.rest),
             face_counts: Some(&counts),
             indices: &self.indices,
             uvs: uvs(&self.first, &self.first_corners),
@@ -78,13 +78,13 @@ impl Sheet {
         let mut asset = Asset::new(&cpu(2), &source).unwrap();
         asset.set_rigidity(0, Some(view(&self.rigidity, MAP, MAP))).unwrap();
         asset.set_settings(0, &TileSettings { grid: [Some(64); 2], ..*settings }).unwrap();
-        asset.solve(Strided::from_f32x3(&self.pose), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(&self.pose), &SolveOptions::default()).unwrap();
         asset
     }
 }
 
 fn uvs<'a>([u, v]: &'a [Vec<f32>; 2], indices: &'a [u32]) -> UvSource<'a> {
-    UvSource { u: Strided::from_f32(u), v: Some(Strided::from_f32(v)), indices: Some(indices) }
+    UvSource { u: Strided::from_slice(u), v: Some(Strided::from_slice(v)), indices: Some(indices) }
 }
 
 const SIZE: [u32; 2] = [150, 130];

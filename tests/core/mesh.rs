@@ -22,7 +22,7 @@ fn strip(n: u32, origin: [f32; 2], size: f32) -> (Vec<[f32; 3]>, Vec<u32>, Vec<f
 }
 
 fn pairs(uvs: &[f32]) -> Strided<'_> {
-    Strided::from_f32x2(uvs.as_chunks().0)
+    Strided::from_slice(uvs.as_chunks::<2>().0)
 }
 
 /// A mesh with one UV per vertex.
@@ -33,7 +33,7 @@ fn source<'a>(
     uvs: &'a [f32],
 ) -> MeshSource<'a> {
     let uvs = UvSource { u: pairs(uvs), v: None, indices: Some(indices) };
-    let positions = Strided::from_f32x3(positions);
+    let positions = Strided::from_slice(positions);
     MeshSource { positions, face_counts, indices, uvs, ..MeshSource::default() }
 }
 

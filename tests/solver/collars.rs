@@ -55,10 +55,10 @@ impl Sheet {
         let corners: Vec<u32> = (0..indices.len() as u32).collect();
         let counts = vec![4; n * n];
         Mesh::new(&MeshSource {
-            positions: Strided::from_f32x3(&rest),
+            positions: Strided::from_slice(&rest),
             face_counts: Some(&counts),
             indices: &indices,
-            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+            uvs: UvSource { u: Strided::from_slice(&uvs), v: None, indices: Some(&corners) },
             ..MeshSource::default()
         })
         .unwrap()
@@ -207,9 +207,9 @@ fn nothing_lies_beyond_a_border_of_the_mesh_or_an_edge_of_three_triangles() {
     let uvs = [0.1f32, 0.4, 0.7].map(|x| [[x, 0.1], [x, 0.2], [x + 0.1, 0.1]]);
     let corners: Vec<u32> = (0..9).collect();
     let mesh = Mesh::new(&MeshSource {
-        positions: Strided::from_f32x3(&rest),
+        positions: Strided::from_slice(&rest),
         indices: &indices,
-        uvs: UvSource { u: Strided::from_f32x2(uvs.as_flattened()), v: None, indices: Some(&corners) },
+        uvs: UvSource { u: Strided::from_slice(uvs.as_flattened()), v: None, indices: Some(&corners) },
         ..MeshSource::default()
     })
     .unwrap();

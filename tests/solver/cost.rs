@@ -64,7 +64,7 @@ fn rest_and_a_pose_again_take_no_work() {
                 let report = asset.tile_report(0).unwrap();
                 (Work::of(&asset, 0), [report.charts_reused, report.charts_identity, report.charts])
             };
-            let (pose, rest) = (model.frame(1), Strided::from_f32x3(&model.rest));
+            let (pose, rest) = (model.frame(1), Strided::from_slice(&model.rest));
             // Three cases: rest, a pose, and the same pose again; the second round begins with rest after a pose.
             for _ in 0..2 {
                 let (work, [_, identity, charts]) = solve(rest);
@@ -131,10 +131,10 @@ fn nothing_active_takes_no_solver() {
     };
     // The first pose is rest.
     let mut asset = model.asset(0, 256);
-    asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
+    asset.solve(Strided::from_slice(&model.rest), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "rest");
     // Nothing rigid.
-    let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
+    let mut asset = model.bare(0, Strided::from_slice(&model.rest));
     vrtm_testkit::set_grid(&mut asset, 256);
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "nothing rigid");

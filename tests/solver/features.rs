@@ -11,7 +11,7 @@ use vrtm_testkit::{Maps, Model, long, on_all_cores};
 /// The features of a model in a pose, with the original UVs.
 fn still(model: &Model, pose: &[[f32; 3]], grid: u32) -> Vec<Feature> {
     let mut asset = model.asset(1, grid);
-    asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
+    asset.solve(Strided::from_slice(&model.rest), &SolveOptions::default()).unwrap();
     of_asset(model, pose, &asset)
 }
 

@@ -25,7 +25,7 @@ fn a_finer_grid_is_not_worse() {
         let mut strain = |grid: u32, quality: Quality| {
             set_grid(&mut asset, grid);
             let options = SolveOptions { quality, measure: true, ..SolveOptions::default() };
-            asset.solve(Strided::from_f32x3(&model.frames[0]), &options).unwrap();
+            asset.solve(Strided::from_slice(&model.frames[0]), &options).unwrap();
             let rms = asset.tile_report(0).unwrap().strain.unwrap().after.rms;
             println!("{name}, {grid} cells a side, {quality:?}: {rms:.4}");
             rms

@@ -95,9 +95,9 @@ impl Case {
         let mut asset = Asset::new(
             device,
             &MeshSource {
-                positions: Strided::from_f64x3(&self.rest),
+                positions: Strided::from_slice(&self.rest),
                 indices: &self.triangles,
-                uvs: UvSource { u: Strided::from_f32x2(&self.uvs), v: None, indices: Some(&self.triangles) },
+                uvs: UvSource { u: Strided::from_slice(&self.uvs), v: None, indices: Some(&self.triangles) },
                 ..MeshSource::default()
             },
         )?;
@@ -120,7 +120,7 @@ impl Case {
         let mut bits = Vec::new();
         let mut last = None;
         for pose in &self.poses {
-            asset.solve(Strided::from_f64x3(pose), &self.options).unwrap();
+            asset.solve(Strided::from_slice(pose), &self.options).unwrap();
             for tile in 0..asset.tile_count() {
                 let report = asset.tile_report(tile).unwrap();
                 self.check_report(&report);
@@ -343,18 +343,18 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
         rejected(&format!("uvs.u[9]: component 1 is {text}"), asset(&case).map(drop));
 
         let mut asset = asset(&good).unwrap();
-        asset.solve(Strided::from_f64x3(&good.poses[0]), &good.options).unwrap();
+        asset.solve(Strided::from_slice(&good.poses[0]), &good.options).unwrap();
         let before = (asset.displacements(0).unwrap(), asset.tile_report(0).unwrap());
         let mut pose = good.poses[0].clone();
         pose[3][2] = bad;
-        let solved = asset.solve(Strided::from_f64x3(&pose), &good.options);
+        let solved = asset.solve(Strided::from_slice(&pose), &good.options);
         rejected(&format!("positions[3]: component 2 is {text}"), solved);
         let map = Map::new([3, 2], |x, y| if (x, y) == (2, 0) { bad as f32 } else { 0.5 }).image();
         rejected(&format!("rigidity: texel (2, 0) is {text}"), asset.set_rigidity(0, Some(view(&map))));
         rejected(&format!("mask: texel (2, 0) is {text}"), asset.set_mask(0, Some(view(&map))));
         let mut values = vec![0.5f32; good.rest.len()];
         values[4] = bad as f32;
-        let set = asset.set_vertex_rigidity(Some(Strided::from_f32(&values)));
+        let set = asset.set_vertex_rigidity(Some(Strided::from_slice(&values)));
         rejected(&format!("rigidity[4]: component 0 is {text}"), set);
 
         let x = bad as f32;
@@ -370,7 +370,7 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
             let message = format!("settings.{name}: {text} is not between {range}");
             rejected(&message, asset.set_settings(0, &settings));
         }
-        let mut solve = |options: SolveOptions| asset.solve(Strided::from_f64x3(&good.poses[0]), &options);
+        let mut solve = |options: SolveOptions| asset.solve(Strided::from_slice(&good.poses[0]), &options);
         let tolerance = SolveOptions { tolerance: Some(x), ..SolveOptions::default() };
         rejected(&format!("options.tolerance: {text} is not over 0 and under 1"), solve(tolerance));
 

@@ -15,7 +15,7 @@ fn crowd() -> Model {
 fn solve(model: &Model, asset: &mut Asset, part: f32, warm: bool) -> Vec<[f32; 3]> {
     let ends = model.rest.iter().zip(&model.frames[0]);
     let pose: Vec<_> = ends.map(|(r, p)| [0, 1, 2].map(|k| r[k] + part * (p[k] - r[k]))).collect();
-    asset.solve(Strided::from_f32x3(&pose), &SolveOptions { warm, ..SolveOptions::default() }).unwrap();
+    asset.solve(Strided::from_slice(&pose), &SolveOptions { warm, ..SolveOptions::default() }).unwrap();
     let report = asset.tile_report(0).unwrap();
     assert!(report.folds == 0 && report.charts_fallback == 0, "{part}: {report:?}");
     assert!(report.energy <= report.energy_before, "{part}: {report:?}");

@@ -149,7 +149,7 @@ fn rest_and_rigid_motions_are_the_identity() {
     let turn = |p: &[f32; 3]| [cos * p[0] - sin * p[1], sin * p[0] + cos * p[1] - 0.5, p[2] - 0.25];
     let turned: Vec<[f32; 3]> = model.rest.iter().map(turn).collect();
     for pose in [&model.rest, &turned] {
-        asset.solve(Strided::from_f32x3(pose), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(pose), &SolveOptions::default()).unwrap();
         assert!(Warp::of(&asset, 0).is_identity());
     }
 }
@@ -167,7 +167,7 @@ fn bits_depend_neither_on_threads_nor_on_frames_before_nor_on_saving() {
     assert!(expected == bits(&solved(3)), "other bits on three threads");
     let mut asset = solved(2);
     for pose in [&model.rest, &model.frames[0]] {
-        asset.solve(Strided::from_f32x3(pose), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(pose), &SolveOptions::default()).unwrap();
     }
     assert!(expected == bits(&asset), "the frames before are seen");
     let mut loaded = sliding(&model, &cpu(2), 256);

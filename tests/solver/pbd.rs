@@ -41,7 +41,7 @@ fn rest_is_the_identity_and_what_is_fixed_stays() {
     for device in devices() {
         let mut model = Model::from(scenes::analytic::bulge());
         let mut asset = model.asset_on(&device, 64);
-        asset.solve(Strided::from_f32x3(&model.rest), &pbd(4)).unwrap();
+        asset.solve(Strided::from_slice(&model.rest), &pbd(4)).unwrap();
         assert!(Warp::of(&asset, 0).is_identity());
         // A cross of fixed texels, 8 of 64 wide: there is one on either side of each node that is checked.
         let inside = |k: usize| (28..36).contains(&(k % 64)) || (28..36).contains(&(k / 64));
@@ -271,7 +271,7 @@ fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mu
     let mut scene = scenes::analytic::squash(0.6);
     scene.tiles.clear();
     let model = Model::from(scene);
-    let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
+    let mut asset = model.bare(0, Strided::from_slice(&model.rest));
     asset.set_rigidity(0, Some(vrtm_testkit::view(rigidity, 64, 64))).unwrap();
     vrtm_testkit::set_grid(&mut asset, 64);
     vrtm_testkit::change(&mut asset, 0, settings);

@@ -28,7 +28,7 @@ fn two_sheets() -> Mesh {
     let bytes: Vec<u8> = uvs.iter().flat_map(|x| x.to_ne_bytes()).collect();
     let uv = Strided::new("uv", &bytes, Scalar::F32, 2, uvs.len() / 2, 0).unwrap();
     let uvs = UvSource { u: uv, v: None, indices: Some(&indices) };
-    let positions = Strided::from_f32x3(&positions);
+    let positions = Strided::from_slice(&positions);
     Mesh::new(&MeshSource { positions, indices: &indices, uvs, ..MeshSource::default() }).unwrap()
 }
 

@@ -184,7 +184,7 @@ fn rest_and_rigid_motions_are_the_identity() {
         .map(|p| [cos * p[0] - p[1] * sin + 3.0, sin * p[0] + cos * p[1], p[2] - 1.0])
         .collect();
     for pose in [&model.rest, &turned] {
-        asset.solve(Strided::from_f32x3(pose), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(pose), &SolveOptions::default()).unwrap();
         assert!(Warp::of(&asset, 0).is_identity());
     }
 }
@@ -215,7 +215,7 @@ fn bits_depend_neither_on_threads_nor_on_frames_before() {
         moved.iter().for_each(|&v| pose[v as usize][1] *= 1.1);
         solve_moved(&mut asset, &pose, &moved);
         let mut fresh = with(&model, &cpu(2), 256, Seams::Continue);
-        fresh.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+        fresh.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
         assert!(all_bits(&fresh) == all_bits(&asset), "a tile was kept whose neighbour has moved");
     }
 }
@@ -244,7 +244,7 @@ fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
             pose[moved[0] as usize][2] += 0.03;
             solve_moved(&mut asset, &pose, &moved);
             let mut fresh = assets(seams);
-            fresh.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+            fresh.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
             assert!(all_bits(&fresh) == all_bits(&asset), "{seams:?}, a vertex at {column}");
         }
     }
@@ -252,7 +252,7 @@ fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
 
 /// Solves a pose in which no more than some vertices have moved.
 fn solve_moved(asset: &mut Asset, pose: &[[f32; 3]], moved: &[u32]) {
-    let positions = Strided::from_f32x3(pose);
+    let positions = Strided::from_slice(pose);
     let request = SolveRequest { positions, dirty_vertices: Some(moved), ..SolveRequest::default() };
     asset.run(&request, &mut []).unwrap();
 }

@@ -94,7 +94,7 @@ fn run(motion: &Motion, poses: &[Points], options: &SolveOptions) -> Figures {
     let mut figures = Figures { second: Spread::default(), usual: 0.0, jump: (0.0, 0), ms: 0.0 };
     let mut all = Vec::new();
     for (frame, pose) in poses.iter().enumerate() {
-        asset.solve(Strided::from_f64x3(pose), options).unwrap();
+        asset.solve(Strided::from_slice(pose), options).unwrap();
         figures.ms += asset.report().unwrap().total_ms / FRAMES as f32;
         let now: Vec<[f32; 2]> = (0..asset.tile_count()).flat_map(|tile| Warp::of(&asset, tile).u).collect();
         if let Some(before) = last.last() {

@@ -64,7 +64,7 @@ struct Row {
 
 fn solve(n: u32, options: &SolveOptions) -> Row {
     let model = strip(n);
-    let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
+    let mut asset = model.bare(0, Strided::from_slice(&model.rest));
     // One texel per cell: a node's rigidity is the mean of the texels on both sides.
     let texels: Vec<f64> = (0..n).map(|i| rigidity((f64::from(i) + 0.5) / f64::from(n))).collect();
     let bytes: Vec<u8> = texels.iter().flat_map(|&r| (r as f32).to_ne_bytes()).collect();

@@ -16,7 +16,7 @@ fn held(weight: f32) -> SolveOptions {
 }
 
 fn solved(asset: &mut Asset, pose: &[[f64; 3]], options: &SolveOptions) -> Warp {
-    asset.solve(Strided::from_f64x3(pose), options).unwrap();
+    asset.solve(Strided::from_slice(pose), options).unwrap();
     (0..asset.tile_count()).flat_map(|tile| asset.displacements(tile).unwrap()).collect()
 }
 

@@ -24,10 +24,10 @@ pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
 /// # let source = MeshSource {
-/// #     positions: Strided::from_f32x3(&rest),
+/// #     positions: Strided::from_slice(&rest),
 /// #     face_counts: Some(&[4]),
 /// #     indices: &[0, 1, 2, 3],
-/// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+/// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
 /// #     ..MeshSource::default()
 /// # };
 /// # let spot = |k: usize| [k % 32, k / 32].iter().all(|x| (12..20).contains(x));
@@ -36,12 +36,12 @@ pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 /// # let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
 /// # let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
 /// # asset.set_rigidity(tile, Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
-/// asset.run(&SolveRequest { positions: Strided::from_f32x3(&rest), ..SolveRequest::default() }, &mut [])?;
+/// asset.run(&SolveRequest { positions: Strided::from_slice(&rest), ..SolveRequest::default() }, &mut [])?;
 /// let energy = asset.tile_report(tile)?.energy;
 ///
 /// let control = Arc::new(Control::new());
 /// let request = SolveRequest {
-///     positions: Strided::from_f32x3(&pose),
+///     positions: Strided::from_slice(&pose),
 ///     control: Some(control.clone()),
 ///     ..SolveRequest::default()
 /// };

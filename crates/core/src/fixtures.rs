@@ -24,8 +24,8 @@ pub fn sheet(n: u32, rest: impl Fn(f64, f64) -> [f64; 3]) -> Mesh {
             indices.extend([a, a + 1, a + n + 2, a, a + n + 2, a + n + 1]);
         }
     }
-    let positions = Strided::from_f64x3(&positions);
-    let uvs = UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) };
+    let positions = Strided::from_slice(&positions);
+    let uvs = UvSource { u: Strided::from_slice(&uvs), v: None, indices: Some(&indices) };
     Mesh::new(&MeshSource { positions, indices: &indices, uvs, ..MeshSource::default() }).unwrap()
 }
 

@@ -35,6 +35,35 @@ impl Scalar {
     }
 }
 
+/// An element of a packed array: [`f32`] or [`f64`], or an array of them, such as `[f32; 3]` or `[[f64; 3]; 3]`.
+///
+/// # Safety
+/// The type consists of `COMPONENTS` numbers of the format `SCALAR` and of nothing else, padding included.
+pub unsafe trait Element: Copy {
+    /// The format of its numbers.
+    const SCALAR: Scalar;
+    /// Count of its numbers.
+    const COMPONENTS: usize;
+}
+
+// SAFETY: one number.
+unsafe impl Element for f32 {
+    const SCALAR: Scalar = Scalar::F32;
+    const COMPONENTS: usize = 1;
+}
+
+// SAFETY: one number.
+unsafe impl Element for f64 {
+    const SCALAR: Scalar = Scalar::F64;
+    const COMPONENTS: usize = 1;
+}
+
+// SAFETY: arrays have no padding.
+unsafe impl<T: Element, const N: usize> Element for [T; N] {
+    const SCALAR: Scalar = T::SCALAR;
+    const COMPONENTS: usize = N * T::COMPONENTS;
+}
+
 /// `count` elements of `components` scalars, each `stride` bytes after the one before it.
 #[derive(Clone, Copy, Debug)]
 pub struct Strided<'a> {
@@ -101,34 +130,18 @@ impl<'a> Strided<'a> {
         Ok(Strided { bytes, scalar, components, count, stride, factor: 1.0 })
     }
 
-    /// Packed f32 triples: positions.
+    /// A view of packed elements: positions, UVs, one value per vertex.
+    ///
+    /// ```
+    /// # use vrtm::Strided;
+    /// let positions = vec![[0.0f32, 1.0, 2.0], [3.0, 4.0, 5.0]];
+    /// assert_eq!(Strided::from_slice(&positions).components(), 3);
+    /// assert_eq!(Strided::from_slice(&[0.5f64, 0.75]).components(), 1);
+    /// ```
     #[must_use]
-    pub fn from_f32x3(values: &'a [[f32; 3]]) -> Strided<'a> {
-        Strided::packed(values, Scalar::F32, 3)
-    }
-
-    /// Packed f64 triples: positions.
-    #[must_use]
-    pub fn from_f64x3(values: &'a [[f64; 3]]) -> Strided<'a> {
-        Strided::packed(values, Scalar::F64, 3)
-    }
-
-    /// Packed f32 pairs: UVs.
-    #[must_use]
-    pub fn from_f32x2(values: &'a [[f32; 2]]) -> Strided<'a> {
-        Strided::packed(values, Scalar::F32, 2)
-    }
-
-    /// Packed f32 values.
-    #[must_use]
-    pub fn from_f32(values: &'a [f32]) -> Strided<'a> {
-        Strided::packed(values, Scalar::F32, 1)
-    }
-
-    /// Elements that are these components one after the other.
-    fn packed<T: Copy>(values: &'a [T], scalar: Scalar, components: usize) -> Strided<'a> {
+    pub fn from_slice<T: Element>(values: &'a [T]) -> Strided<'a> {
         let (bytes, stride) = (as_bytes(values), size_of::<T>());
-        Strided { bytes, scalar, components, count: values.len(), stride, factor: 1.0 }
+        Strided { bytes, scalar: T::SCALAR, components: T::COMPONENTS, count: values.len(), stride, factor: 1.0 }
     }
 
     /// The same elements, which [`Strided::get3`] multiplies by a finite factor.
@@ -274,18 +287,13 @@ impl<'a> StridedMut<'a> {
         StridedMut { first, scalar, components, count, stride, bytes: PhantomData }
     }
 
-    /// Packed f32 elements, such as positions or quaternions.
+    /// A view of packed elements to be written: positions, quaternions, matrices.
     #[must_use]
-    pub fn from_f32<const N: usize>(values: &'a mut [[f32; N]]) -> StridedMut<'a> {
-        let (first, count, stride) = (values.as_mut_ptr().cast(), values.len(), 4 * N);
-        StridedMut { first, scalar: Scalar::F32, components: N, count, stride, bytes: PhantomData }
-    }
-
-    /// Packed f64 elements.
-    #[must_use]
-    pub fn from_f64<const N: usize>(values: &'a mut [[f64; N]]) -> StridedMut<'a> {
-        let (first, count, stride) = (values.as_mut_ptr().cast(), values.len(), 8 * N);
-        StridedMut { first, scalar: Scalar::F64, components: N, count, stride, bytes: PhantomData }
+    pub fn from_slice<T: Element>(values: &'a mut [T]) -> StridedMut<'a> {
+        // SAFETY: the elements are borrowed for as long as the view lives.
+        unsafe {
+            Self::from_raw(values.as_mut_ptr().cast(), T::SCALAR, T::COMPONENTS, values.len(), size_of::<T>())
+        }
     }
 
     /// Number of elements.

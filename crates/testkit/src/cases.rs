@@ -59,7 +59,7 @@ impl Case {
 
     /// Creates the asset on a device. Returns it with the tile's index.
     pub fn asset(&self, device: &Device) -> (Asset, usize) {
-        let mut asset = self.model.bare_on(device, Strided::from_f32x3(&self.model.rest));
+        let mut asset = self.model.bare_on(device, Strided::from_slice(&self.model.rest));
         let tile = asset.find_tile(self.udim).expect("the tile that was chosen");
         let maps = self.model.maps.iter().find(|maps| maps.udim == self.udim).expect("its maps");
         paint(&mut asset, maps);
@@ -68,6 +68,6 @@ impl Case {
     }
 
     pub fn pose(&self, k: usize) -> Strided<'_> {
-        Strided::from_f32x3(&self.poses[k % 2])
+        Strided::from_slice(&self.poses[k % 2])
     }
 }

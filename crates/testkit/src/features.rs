@@ -100,7 +100,7 @@ pub fn solve(
 ) -> Asset {
     let mut asset = model.asset(threads, grid);
     set_borders(&mut asset, borders);
-    asset.solve(Strided::from_f32x3(pose), options).unwrap();
+    asset.solve(Strided::from_slice(pose), options).unwrap();
     asset
 }
 

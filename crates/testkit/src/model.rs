@@ -52,7 +52,7 @@ impl Model {
 
     /// The asset on a given device; every tile has a grid of `grid` by `grid` cells.
     pub fn asset_on(&self, device: &Device, grid: u32) -> Asset {
-        let mut asset = self.bare_on(device, Strided::from_f32x3(&self.rest));
+        let mut asset = self.bare_on(device, Strided::from_slice(&self.rest));
         self.maps.iter().for_each(|maps| paint(&mut asset, maps));
         set_grid(&mut asset, grid);
         asset
@@ -74,8 +74,8 @@ impl Model {
     pub fn bare_on(&self, device: &Device, rest: Strided) -> Asset {
         let [u, v] = [0, 1].map(|k| self.uvs.iter().map(|uv| uv[k]).collect::<Vec<f32>>());
         let uvs = UvSource {
-            u: Strided::from_f32(&u),
-            v: Some(Strided::from_f32(&v)),
+            u: Strided::from_slice(&u),
+            v: Some(Strided::from_slice(&v)),
             indices: Some(&self.uv_indices),
         };
         let source = MeshSource {
@@ -93,7 +93,7 @@ impl Model {
 
     /// Positions of a frame, numbered from 1.
     pub fn frame(&self, number: usize) -> Strided<'_> {
-        Strided::from_f32x3(&self.frames[number - 1])
+        Strided::from_slice(&self.frames[number - 1])
     }
 
     /// Marks the vertices of the faces all of whose UVs satisfy `f`.

@@ -63,7 +63,7 @@ impl Roughness {
         options: &SolveOptions,
     ) -> Roughness {
         let mut solve = |pose: &[[f64; 3]], measure: bool| {
-            asset.solve(Strided::from_f64x3(pose), &SolveOptions { measure, ..*options }).unwrap();
+            asset.solve(Strided::from_slice(pose), &SolveOptions { measure, ..*options }).unwrap();
             let report = asset.tile_report(tile).unwrap();
             (warp(asset, tile), report)
         };

@@ -34,10 +34,10 @@ pub fn sixteen_charts(share: f64) -> (Vec<[f32; 3]>, Vec<[f32; 2]>, Vec<u32>) {
 pub fn sixteen_asset(device: &Device, share: f64) -> vrtm::Result<Asset> {
     let (positions, uvs, indices) = sixteen_charts(share);
     let source = MeshSource {
-        positions: Strided::from_f32x3(&positions),
+        positions: Strided::from_slice(&positions),
         face_counts: Some(&vec![4; indices.len() / 4]),
         indices: &indices,
-        uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) },
+        uvs: UvSource { u: Strided::from_slice(&uvs), v: None, indices: Some(&indices) },
         ..MeshSource::default()
     };
     Asset::new(device, &source)

@@ -34,7 +34,7 @@ impl Solved {
     pub fn open(model: &Model, settings: &DeviceSettings) -> Result<Solved> {
         let said = |error: vrtm::Error| format!("{}: {error}", model.name);
         let device = Device::new(settings).map_err(said)?;
-        let source = model.mesh.source(Strided::from_f32x3(&model.rest));
+        let source = model.mesh.source(Strided::from_slice(&model.rest));
         let mut asset = Asset::new(&device, &source).map_err(said)?;
         for maps in &model.tiles {
             let Some(tile) = asset.find_tile(maps.udim) else { continue };
@@ -65,7 +65,7 @@ impl Solved {
     /// # Errors
     /// The errors of vrtm.
     pub fn solve(&mut self, positions: &[[f32; 3]]) -> Result<()> {
-        let solved = self.asset.solve(Strided::from_f32x3(positions), &SolveOptions::default());
+        let solved = self.asset.solve(Strided::from_slice(positions), &SolveOptions::default());
         solved.map_err(|error| error.to_string())
     }
 

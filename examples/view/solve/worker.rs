@@ -196,7 +196,7 @@ impl Open {
             ..SolveOptions::default()
         };
         let solve = SolveRequest {
-            positions: Strided::from_f32x3(&pose),
+            positions: Strided::from_slice(&pose),
             options,
             control: Some(control),
             ..SolveRequest::default()

@@ -20,28 +20,28 @@ fn wrong_arguments_are_named() {
         assert_eq!(error.kind, ErrorKind::InvalidArgument);
         assert!(error.message.contains(words), "{words}: {}", error.message);
     };
-    let of = |uvs| CarrierSettings::new(Bind::Uv { uvs: Strided::from_f32x2(uvs), layers: None });
+    let of = |uvs| CarrierSettings::new(Bind::Uv { uvs: Strided::from_slice(uvs), layers: None });
     refused(&of(&uvs), "uvs[1]: component 1 is NaN");
     let good = of(&uvs[..1]);
     refused(&CarrierSettings { uv_set: 1, ..good }, "uv_set: 1");
     refused(
-        &CarrierSettings { heights: Some(Strided::from_f32(&[1.0, 2.0])), ..good },
+        &CarrierSettings { heights: Some(Strided::from_slice(&[1.0, 2.0])), ..good },
         "heights: 2 elements",
     );
-    refused(&CarrierSettings { heights: Some(Strided::from_f32(&[f32::INFINITY])), ..good }, "heights[0]");
+    refused(&CarrierSettings { heights: Some(Strided::from_slice(&[f32::INFINITY])), ..good }, "heights[0]");
     refused(
-        &CarrierSettings { frames: Some(Strided::from_f32x3(&[[0.0; 3]])), ..good },
+        &CarrierSettings { frames: Some(Strided::from_slice(&[[0.0; 3]])), ..good },
         "frames: 3 components",
     );
     refused(&CarrierSettings { pieces: Some(&[1, 2]), ..good }, "pieces: 2 elements");
     refused(&CarrierSettings { skirt: -1.0, ..good }, "skirt: -1");
     refused(&CarrierSettings { skirt: f64::NAN, ..good }, "skirt: NaN");
-    let layers = Bind::Uv { uvs: Strided::from_f32x2(&uvs[..1]), layers: Some(&[]) };
+    let layers = Bind::Uv { uvs: Strided::from_slice(&uvs[..1]), layers: Some(&[]) };
     refused(&CarrierSettings::new(layers), "layers: 0 elements");
-    let near = Bind::Nearest { positions: Strided::from_f32x3(&[[0.0; 3]]), farthest: Some(f64::NAN) };
+    let near = Bind::Nearest { positions: Strided::from_slice(&[[0.0; 3]]), farthest: Some(f64::NAN) };
     refused(&CarrierSettings::new(near), "farthest: NaN");
     let corners = |corners: [u32; 3], weights: &[[f32; 3]], words: &str| {
-        let by = Bind::Corners { corners: &[corners], weights: Strided::from_f32x3(weights) };
+        let by = Bind::Corners { corners: &[corners], weights: Strided::from_slice(weights) };
         refused(&CarrierSettings::new(by), words);
     };
     corners([0, 1, 4], &[[1.0, 0.0, 0.0]], "corners[0]: 0, 1, 4 are not three corners of one face");
@@ -69,7 +69,7 @@ fn wrong_arguments_are_named() {
     let (far, at) =
         ([[1e39, 0.0, 0.0]], Strided::new("heights", bytes_of(&[1e39]), Scalar::F64, 1, 1, 0).unwrap());
     refused(&CarrierSettings { heights: Some(at), ..good }, "heights[0]: component 0 is 1");
-    let far = Bind::Nearest { positions: Strided::from_f64x3(&far), farthest: None };
+    let far = Bind::Nearest { positions: Strided::from_slice(&far), farthest: None };
     refused(&CarrierSettings::new(far), "which is beyond f32");
 }
 
@@ -84,7 +84,7 @@ fn weights_count_by_their_ratio_and_mirrored_frames_stay_mirrored() {
         [[0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]];
     let frames: Vec<[f64; 9]> = (0..5).map(|k| mirrors[k % 2]).collect();
     let frames = Some(Strided::new("frames", bytes_of(&frames), Scalar::F64, 9, 5, 0).unwrap());
-    let settings = CarrierSettings { frames, ..CarrierSettings::new(by(Strided::from_f64x3(&weights))) };
+    let settings = CarrierSettings { frames, ..CarrierSettings::new(by(Strided::from_slice(&weights))) };
     let carrier = asset.carrier(&settings).unwrap();
     solve(&mut asset, &sheet.rest);
     let all = fetch(&carrier);
@@ -117,7 +117,7 @@ fn a_budget_refuses_carriers_when_they_are_made() {
     for step in 0..40 {
         let mut asset = on(Some(held + 50_000 + 40_000 * step));
         let pairs: Vec<[f32; 2]> = points.iter().map(|uv| uv.map(|x| x as f32)).collect();
-        let by = Bind::Uv { uvs: Strided::from_f32x2(&pairs), layers: None };
+        let by = Bind::Uv { uvs: Strided::from_slice(&pairs), layers: None };
         match asset.carrier(&CarrierSettings::new(by)) {
             Ok(carrier) => {
                 solve(&mut asset, &sheet.pose(warped));
@@ -144,7 +144,7 @@ fn a_fetch_needs_a_solve_after_the_carrier_and_fitting_arrays() {
     let uvs = uvs(Layout::Whole, &lattice(5));
     let early = by_uv(&asset, &uvs, None, Fit::Feature, 0);
     let mut positions = vec![[7.0f32; 3]; 25];
-    let out = Carried { positions: Some(StridedMut::from_f32(&mut positions)), ..Carried::default() };
+    let out = Carried { positions: Some(StridedMut::from_slice(&mut positions)), ..Carried::default() };
     assert_eq!(early.fetch(&out).unwrap_err().kind, ErrorKind::NotSolved);
     drop(early);
     solve(&mut asset, &sheet.rest);
@@ -153,10 +153,11 @@ fn a_fetch_needs_a_solve_after_the_carrier_and_fitting_arrays() {
     assert_eq!(error.kind, ErrorKind::NotSolved);
     assert!(error.message.contains("no solve since"), "{}", error.message);
     solve(&mut asset, &sheet.pose(warped));
-    let short = Carried { positions: Some(StridedMut::from_f32(&mut positions[..24])), ..Carried::default() };
+    let short =
+        Carried { positions: Some(StridedMut::from_slice(&mut positions[..24])), ..Carried::default() };
     assert!(carrier.fetch(&short).unwrap_err().message.contains("positions: 24 elements"));
     let mut wrong = vec![[0.0f32; 5]; 25];
-    let out = Carried { rotations: Some(StridedMut::from_f32(&mut wrong)), ..Carried::default() };
+    let out = Carried { rotations: Some(StridedMut::from_slice(&mut wrong)), ..Carried::default() };
     assert!(carrier.fetch(&out).unwrap_err().message.contains("rotations: 5 components"));
     assert!(positions.iter().all(|p| *p == [7.0; 3]), "nothing is written");
     carrier.fetch(&Carried::default()).unwrap();
@@ -175,14 +176,14 @@ fn points_are_an_output_of_a_solve() {
     let mut positions = vec![[7.0f64; 3]; 25];
     let mut image = vec![7u8; 8 * 8 * 8];
     let run = |asset: &mut Asset, count: usize, positions: &mut [[f64; 3]], image: &mut [u8]| {
-        let positions = Some(StridedMut::from_f64(&mut positions[..count]));
+        let positions = Some(StridedMut::from_slice(&mut positions[..count]));
         let image = ImageViewMut::new("image", image, layout).unwrap();
         let mut fetches = [
             Fetch::Carried { carrier: &carrier, carried: Carried { positions, ..Carried::default() } },
             Fetch::Image { tile: 0, kind: FetchKind::Redirection, image },
         ];
         let pose = sheet.pose(warped);
-        asset.redirect(Strided::from_f64x3(&pose), &SolveOptions::default(), &mut fetches)
+        asset.redirect(Strided::from_slice(&pose), &SolveOptions::default(), &mut fetches)
     };
     let mut refused = |asset: &mut Asset, count: usize, words: &str| {
         let error = run(asset, count, &mut positions, &mut image).unwrap_err();
@@ -221,7 +222,7 @@ fn strides_and_formats_are_kept() {
     assert!(StridedMut::new("positions", &mut bytes, Scalar::F64, 3, 36, 17).is_err());
     let mut rotations = vec![[0.0f64; 4]; 36];
     carrier
-        .fetch(&Carried { rotations: Some(StridedMut::from_f64(&mut rotations)), ..Carried::default() })
+        .fetch(&Carried { rotations: Some(StridedMut::from_slice(&mut rotations)), ..Carried::default() })
         .unwrap();
     for ([x, y, z, w], m) in rotations.into_iter().zip(&all.rotations) {
         assert!(
@@ -262,7 +263,7 @@ fn it_follows_other_grids_and_maps_and_outlives_the_asset() {
 fn bytes_are_on_the_account_and_go_back() {
     let sheet = sheet();
     let mut asset = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
-    asset.solve(Strided::from_f64x3(&sheet.rest), &SolveOptions::default()).unwrap();
+    asset.solve(Strided::from_slice(&sheet.rest), &SolveOptions::default()).unwrap();
     let before = asset.device().info().bytes_held;
     let carrier = by_uv(&asset, &uvs(Layout::Whole, &lattice(40)), None, Fit::Feature, 0);
     let bound = carrier.info().bytes;

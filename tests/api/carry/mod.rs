@@ -35,8 +35,8 @@ fn all_ways(sheet: &Sheet, asset: &vrtm::Asset, fit: Fit) -> Vec<(&'static str, 
         on_sheet.iter().enumerate().map(|(k, p)| [p[0] + 0.01, p[1], p[2] + 0.002 * k as f64]).collect();
     let frames = vec![[0.6f32, 0.0, 0.0, 0.8]; points.len()];
     let frames =
-        Some(Strided::new("frames", bytes_of(&frames), vrtm::Scalar::F32, 4, points.len(), 0).unwrap());
-    let by = Bind::Nearest { positions: Strided::from_f64x3(&off), farthest: None };
+        Some(Strided::new("frames", as_bytes(&frames), vrtm::Scalar::F32, 4, points.len(), 0).unwrap());
+    let by = Bind::Nearest { positions: Strided::from_slice(&off), farthest: None };
     ways.push((
         "nearest",
         asset.carrier(&CarrierSettings { fit, frames, ..CarrierSettings::new(by) }).unwrap(),
@@ -44,7 +44,7 @@ fn all_ways(sheet: &Sheet, asset: &vrtm::Asset, fit: Fit) -> Vec<(&'static str, 
     // The first three corners of some faces.
     let corners: Vec<[u32; 3]> = (0..81).map(|k| [4 * k, 4 * k + 1, 4 * k + 3]).collect();
     let weights = vec![[1.0f32, 2.0, 1.0]; 81];
-    let weights = Strided::from_f32x3(&weights);
+    let weights = Strided::from_slice(&weights);
     let by = Bind::Corners { corners: &corners, weights };
     ways.push(("corners", asset.carrier(&CarrierSettings { fit, ..CarrierSettings::new(by) }).unwrap()));
     let of_corners = |c: &[u32; 3]| {
@@ -286,8 +286,8 @@ fn rigidity_blends_and_skirts_hold_on() {
     let with = |heights: &[f64], skirt: f64| {
         let pairs: Vec<[f32; 2]> = uvs.iter().map(|uv| uv.map(|x| x as f32)).collect();
         let heights: Vec<f32> = heights.iter().map(|h| *h as f32).collect();
-        let by = Bind::Uv { uvs: Strided::from_f32x2(&pairs), layers: None };
-        let heights = Some(Strided::from_f32(&heights));
+        let by = Bind::Uv { uvs: Strided::from_slice(&pairs), layers: None };
+        let heights = Some(Strided::from_slice(&heights));
         asset.carrier(&CarrierSettings { heights, skirt, ..CarrierSettings::new(by) }).unwrap()
     };
     let carriers = [with(&low, 0.0), with(&low, 0.02), with(&high, 0.02), with(&high, 0.0)];
@@ -323,7 +323,7 @@ fn pieces_are_bodies() {
     let quarter = |p: &P2| u32::from(p[0] > 0.5) + 2 * u32::from(p[1] > 0.5);
     let mut pieces: Vec<u32> = points.iter().map(quarter).collect();
     (pieces[0], pieces[1], pieces[2]) = (77, u32::MAX, u32::MAX);
-    let by = Bind::Nearest { positions: Strided::from_f64x3(&rest), farthest: None };
+    let by = Bind::Nearest { positions: Strided::from_slice(&rest), farthest: None };
     let settings = CarrierSettings { pieces: Some(&pieces), ..CarrierSettings::new(by) };
     let carrier = asset.carrier(&settings).unwrap();
     let plain = asset.carrier(&CarrierSettings { pieces: None, ..settings }).unwrap();
@@ -346,7 +346,7 @@ fn what_cannot_be_bound_keeps_the_motion_of_the_skin() {
     let mut asset = sheet.asset(1, 64, disc([0.5, 0.5], 0.3), TileSettings::default());
     let at = [0.5, 0.5, 0.7];
     let far =
-        Bind::Nearest { positions: Strided::from_f64x3(std::slice::from_ref(&at)), farthest: Some(0.1) };
+        Bind::Nearest { positions: Strided::from_slice(std::slice::from_ref(&at)), farthest: Some(0.1) };
     let far = asset.carrier(&CarrierSettings::new(far)).unwrap();
     assert_eq!((far.states(), far.info().too_far), (&[PointState::Far][..], 1));
     let outside = by_uv(&asset, &[[0.99, 0.5], [7.3, 0.2], [-1.0, 4.0]], None, Fit::Feature, 0);

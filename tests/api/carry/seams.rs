@@ -48,7 +48,7 @@ fn rims(layout: Layout, seams: Seams, tile: usize, copy: usize) -> Vec<f64> {
     } else {
         let pairs: Vec<[f32; 2]> = points.iter().map(|uv| uv.map(|x| x as f32)).collect();
         let layers = vec![copy as u32; points.len()];
-        let by = vrtm::Bind::Uv { uvs: vrtm::Strided::from_f32x2(&pairs), layers: Some(&layers) };
+        let by = vrtm::Bind::Uv { uvs: vrtm::Strided::from_slice(&pairs), layers: Some(&layers) };
         asset.carrier(&vrtm::CarrierSettings { fit: Fit::Surface, ..vrtm::CarrierSettings::new(by) }).unwrap()
     };
     solve(&mut asset, &pose);

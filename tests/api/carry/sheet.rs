@@ -119,12 +119,12 @@ impl Sheet {
         settings: TileSettings,
     ) -> Asset {
         let dot = vec![[0.5f32, 0.5]; self.uvs.len()];
-        let of_set = |uvs| UvSource { u: Strided::from_f32x2(uvs), ..UvSource::default() };
+        let of_set = |uvs| UvSource { u: Strided::from_slice(uvs), ..UvSource::default() };
         let second = [of_set(&self.uvs)];
         let is_second = self.layout == Layout::SecondSet;
         let counts = vec![4; self.indices.len() / 4];
         let source = MeshSource {
-            positions: Strided::from_f64x3(&self.rest),
+            positions: Strided::from_slice(&self.rest),
             face_counts: Some(&counts),
             indices: &self.indices,
             uvs: if is_second { of_set(&dot) } else { of_set(&self.uvs) },
@@ -188,10 +188,10 @@ pub fn fetch_some(carrier: &Carrier, wanted: u32) -> All {
         uvs: vec![[0.0; 2]; n],
     };
     let out = Carried {
-        positions: Some(StridedMut::from_f64(&mut all.positions)).filter(|_| wanted & 1 != 0),
-        rotations: Some(StridedMut::from_f64(&mut all.rotations)).filter(|_| wanted & 2 != 0),
-        stretch: Some(StridedMut::from_f64(&mut all.stretch)).filter(|_| wanted & 4 != 0),
-        uvs: Some(StridedMut::from_f64(&mut all.uvs)).filter(|_| wanted & 8 != 0),
+        positions: Some(StridedMut::from_slice(&mut all.positions)).filter(|_| wanted & 1 != 0),
+        rotations: Some(StridedMut::from_slice(&mut all.rotations)).filter(|_| wanted & 2 != 0),
+        stretch: Some(StridedMut::from_slice(&mut all.stretch)).filter(|_| wanted & 4 != 0),
+        uvs: Some(StridedMut::from_slice(&mut all.uvs)).filter(|_| wanted & 8 != 0),
     };
     carrier.fetch(&out).unwrap();
     all
@@ -211,7 +211,7 @@ pub fn by_uv(asset: &Asset, uvs: &[P2], heights: Option<&[f64]>, fit: Fit, uv_se
 }
 
 pub fn solve(asset: &mut Asset, pose: &[P3]) {
-    asset.solve(Strided::from_f64x3(pose), &SolveOptions::default()).unwrap();
+    asset.solve(Strided::from_slice(pose), &SolveOptions::default()).unwrap();
 }
 
 /// The redirection map of a tile: UVs at the centres of texels, from v = 0.

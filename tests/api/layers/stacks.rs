@@ -167,14 +167,14 @@ impl Stack {
     pub fn asset(&self, device: &Device, max_layers: u32, island: Option<usize>) -> Asset {
         let [u, v] = [0, 1].map(|k| self.uvs.iter().map(|uv| uv[k]).collect::<Vec<f32>>());
         let uvs = UvSource {
-            u: Strided::from_f32(&u),
-            v: Some(Strided::from_f32(&v)),
+            u: Strided::from_slice(&u),
+            v: Some(Strided::from_slice(&v)),
             indices: Some(self.uv_indices.as_ref().unwrap_or(&self.indices)),
         };
         let counts = vec![4; self.indices.len() / 4];
         let chosen: Option<Vec<u32>> = island.map(|k| self.faces(k).map(|face| face as u32).collect());
         let source = MeshSource {
-            positions: Strided::from_f32x3(&self.rest),
+            positions: Strided::from_slice(&self.rest),
             face_counts: Some(&counts),
             indices: &self.indices,
             uvs,
@@ -192,7 +192,7 @@ impl Stack {
     }
 
     pub fn positions(&self) -> Strided<'_> {
-        Strided::from_f32x3(&self.pose)
+        Strided::from_slice(&self.pose)
     }
 
     /// The faces of an island.

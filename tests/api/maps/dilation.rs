@@ -91,7 +91,7 @@ impl Painted {
 
     /// Copies what the dilations say. Returns the share of the copied texels whose source no chart covers.
     fn dilate(&mut self, model: &Model, reach: f64) -> f64 {
-        let asset = model.bare_on(&cpu(2), Strided::from_f32x3(&model.rest));
+        let asset = model.bare_on(&cpu(2), Strided::from_slice(&model.rest));
         let before = self.textures.clone();
         let (mut copied, mut beside, mut different) = (0, 0, 0);
         for tile in 0..asset.tile_count() {
@@ -213,7 +213,7 @@ fn both_sides_of_a_seam_show_the_same() {
 #[test]
 fn bad_arguments_are_named() {
     let model = Model::from(scenes::creature());
-    let asset = model.bare_on(&cpu(1), Strided::from_f32x3(&model.rest));
+    let asset = model.bare_on(&cpu(1), Strided::from_slice(&model.rest));
     let fetch = |tile: usize, reach: f64, channels: u32| {
         let mut bytes = vec![7; 16 * 16 * 16];
         let layout = ImageLayout::packed(16, 16, PixelFormat::F32).with_channels(channels);

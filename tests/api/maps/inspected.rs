@@ -92,7 +92,7 @@ fn errors_are_those_of_bilinear_interpolation() {
 fn a_result_at_rest_has_no_error() {
     let model = Model::from(scenes::arm());
     let mut asset = model.asset(0, 128);
-    asset.solve(vrtm::Strided::from_f32x3(&model.rest), &vrtm::SolveOptions::default()).unwrap();
+    asset.solve(vrtm::Strided::from_slice(&model.rest), &vrtm::SolveOptions::default()).unwrap();
     let found = inspect(&asset, MapDesc { kind: FetchKind::RedirectionDelta, ..desc([200, 300]) });
     assert!(
         found.folds == 0 && found.error_max == 0.0 && (found.min_jacobian - 1.0).abs() < 1e-12,

@@ -131,7 +131,7 @@ fn nothing_moves() {
     for name in ["mug_to_jug", "arm"] {
         let model = scene(name);
         let mut asset = model.asset(0, 64);
-        asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(&model.rest), &SolveOptions::default()).unwrap();
         let refinement = asset.refine(&RefinementSettings::default()).unwrap();
         let info = refinement.info();
         assert!(info.reached && info.error == 0.0, "{info:?}");
@@ -320,7 +320,7 @@ fn it_outlives_the_asset() {
     // A later result replaces the one that it reads, and a failed one does not.
     let mut bad = model.rest.clone();
     bad[0][0] = f32::NAN;
-    asset.solve(Strided::from_f32x3(&bad), &SolveOptions::default()).unwrap_err();
+    asset.solve(Strided::from_slice(&bad), &SolveOptions::default()).unwrap_err();
     assert!(Refined::of(&refinement) == before);
     drop(asset);
     assert!(Refined::of(&refinement) == before);

@@ -201,7 +201,7 @@ fn maps(list: &mut Vec<Small>) {
         ("rigidity of vertices", |asset| {
             let values = of_vertices(asset, 0.1);
             asset.set_rigidity(0, None).unwrap();
-            asset.set_vertex_rigidity(Some(Strided::from_f32(&values))).unwrap();
+            asset.set_vertex_rigidity(Some(Strided::from_slice(&values))).unwrap();
         }),
         ("a mask", |asset| {
             let mask: Vec<u8> = (0..32 * 32).map(|k| if k % 32 / 9 == 1 { 0 } else { 255 }).collect();
@@ -209,7 +209,7 @@ fn maps(list: &mut Vec<Small>) {
         }),
         ("a mask of vertices", |asset| {
             let values: Vec<f32> = of_vertices(asset, 0.0).iter().map(|x| 1.0 - x).collect();
-            asset.set_vertex_mask(Some(Strided::from_f32(&values))).unwrap();
+            asset.set_vertex_mask(Some(Strided::from_slice(&values))).unwrap();
         }),
         ("a stroke", |asset| {
             let stroke = vec![255; 512 * 512];
@@ -259,9 +259,9 @@ pub fn drawn(device: &Device, groups: &[u64]) -> Vec<(String, Hash)> {
 pub fn outputs(device: &Device) -> Vec<(&'static str, Hash)> {
     let model = Model::from(arm());
     let second: Vec<[f32; 2]> = model.uvs.iter().map(|[u, v]| [0.1 + 0.6 * v, 0.9 - 0.3 * u]).collect();
-    let uvs = |uvs| UvSource { u: Strided::from_f32x2(uvs), v: None, indices: Some(&model.uv_indices) };
+    let uvs = |uvs| UvSource { u: Strided::from_slice(uvs), v: None, indices: Some(&model.uv_indices) };
     let source = MeshSource {
-        positions: Strided::from_f32x3(&model.rest),
+        positions: Strided::from_slice(&model.rest),
         face_counts: Some(&model.face_counts),
         indices: &model.indices,
         uvs: uvs(&model.uvs),

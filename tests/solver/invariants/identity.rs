@@ -22,7 +22,7 @@ fn rest_is_the_identity(device: &Device, grid: u32) {
     for model in models() {
         let mut asset = model.solved(device, grid, 1, &SolveOptions::default());
         assert!(bits(&asset).iter().any(|u| *u != [0; 2]), "{} does not move", model.name);
-        asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(&model.rest), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
         let report = asset.report().unwrap();
         assert_eq!((report.charts_active, report.nodes_active), (0, 0), "{}", model.name);
@@ -48,7 +48,7 @@ fn rigid_motions_are_the_identity(device: &Device, grid: u32) {
         let mut asset = model.asset_on(device, grid);
         for distance in [0.0, 1.0, 1e6] {
             let moved: Vec<_> = rest.iter().map(|&p| turn(p).map(|x| x + distance)).collect();
-            asset.solve(Strided::from_f64x3(&moved), &SolveOptions::default()).unwrap();
+            asset.solve(Strided::from_slice(&moved), &SolveOptions::default()).unwrap();
             for tile in 0..asset.tile_count() {
                 let largest = Warp::of(&asset, tile).longest();
                 assert!(largest <= 1e-3, "{} {distance} away: {largest} cells", model.name);
@@ -71,12 +71,12 @@ fn far_is_as_good_as_near(device: &Device, models: &[Model], grid: u32) {
             doubles(points).into_iter().map(|p| [p[0] + 1e6, p[1] - 1e6, p[2]]).collect()
         };
         let (rest, pose) = (far(&model.rest), far(&model.frames[0]));
-        let mut asset = model.bare_on(device, Strided::from_f64x3(&rest));
+        let mut asset = model.bare_on(device, Strided::from_slice(&rest));
         model.maps.iter().for_each(|maps| vrtm_testkit::paint(&mut asset, maps));
         vrtm_testkit::set_grid(&mut asset, grid);
-        asset.solve(Strided::from_f64x3(&rest), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(&rest), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
-        asset.solve(Strided::from_f64x3(&pose), &SolveOptions::default()).unwrap();
+        asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
         let near = model.solved(device, grid, 1, &SolveOptions::default());
         for tile in 0..asset.tile_count() {
             let [a, b] = [&asset, &near].map(|asset| asset.tile_report(tile).unwrap());
@@ -94,9 +94,9 @@ fn a_rest_mesh_of_one_point_is_the_identity_and_is_warned_of() {
     model.bare_on(&device, model.frame(1));
     assert!(log.warnings().is_empty());
     let point = vec![[1.5f32, -2.0, 3.0]; model.rest.len()];
-    let mut asset = model.bare_on(&device, Strided::from_f32x3(&point));
+    let mut asset = model.bare_on(&device, Strided::from_slice(&point));
     assert_eq!(log.warnings(), [(LogCode::RestIsPoint, vec![])]);
-    asset.set_vertex_rigidity(Some(Strided::from_f32(&vec![1.0; model.rest.len()]))).unwrap();
+    asset.set_vertex_rigidity(Some(Strided::from_slice(&vec![1.0; model.rest.len()]))).unwrap();
     vrtm_testkit::set_grid(&mut asset, 64);
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
     assert!(bits(&asset).iter().all(|u| *u == [0; 2]));

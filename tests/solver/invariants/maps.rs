@@ -135,7 +135,7 @@ fn vertex_rigidity_is_the_same_map_painted() {
     let options = SolveOptions { max_corrections: Some(7), ..SolveOptions::default() };
     asset.solve(model.frame(1), &options).unwrap();
     let painted = Warp::of(&asset, 0);
-    asset.set_vertex_rigidity(Some(Strided::from_f32(&values))).unwrap();
+    asset.set_vertex_rigidity(Some(Strided::from_slice(&values))).unwrap();
     asset.solve(model.frame(1), &options).unwrap();
     let vertices = Warp::of(&asset, 0);
     assert!(painted.longest() > 1.0);
@@ -158,7 +158,7 @@ fn a_mask_per_vertex_is_the_same_mask_painted() {
     painted.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
     let mut asset = model.asset(0, N);
-    asset.set_vertex_mask(Some(Strided::from_f32(&values))).unwrap();
+    asset.set_vertex_mask(Some(Strided::from_slice(&values))).unwrap();
     let [all, some] = [&mut model.asset(0, N), &mut asset].map(|a| a.tile_estimate(0).unwrap().movable_nodes);
     assert!(0 < some && some < all, "{some} of {all}");
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
@@ -167,7 +167,7 @@ fn a_mask_per_vertex_is_the_same_mask_painted() {
     // What was prepared with this mask belongs to no other one.
     let saved = asset.save_tile(0).unwrap();
     assert!(asset.load_tile(0, &saved).is_ok());
-    asset.set_vertex_mask(Some(Strided::from_f32(&vec![0.75; values.len()]))).unwrap();
+    asset.set_vertex_mask(Some(Strided::from_slice(&vec![0.75; values.len()]))).unwrap();
     assert!(asset.load_tile(0, &saved).is_err());
     // A mask that holds nothing, and no mask, are the same.
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
@@ -186,7 +186,7 @@ fn one_line_of_vertices_in_a_mask_is_a_barrier_on_a_coarse_grid() {
     let values: Vec<f32> = model.rest.iter().map(|p| f32::from(p[0] != line)).collect();
     for grid in [32, 128, 256] {
         let mut asset = model.asset(0, grid);
-        asset.set_vertex_mask(Some(Strided::from_f32(&values))).unwrap();
+        asset.set_vertex_mask(Some(Strided::from_slice(&values))).unwrap();
         asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
         let warp = Warp::of(&asset, 0);
         let width = grid as usize + 1;

@@ -169,10 +169,10 @@ fn failed_calls_leave_the_result(device: &Device, grid: u32) {
     for bad in [f32::NAN, f32::INFINITY] {
         let mut pose = model.rest.clone();
         pose[7][1] = bad;
-        let error = asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap_err();
+        let error = asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap_err();
         assert!(error.message.contains("positions[7]"), "{}", error.message);
     }
-    let short = Strided::from_f32x3(&model.rest[1..]);
+    let short = Strided::from_slice(&model.rest[1..]);
     assert!(asset.solve(short, &SolveOptions::default()).is_err());
     let bad = SolveOptions { tolerance: Some(f32::NAN), ..SolveOptions::default() };
     assert!(asset.solve(model.frame(1), &bad).is_err());
@@ -180,7 +180,7 @@ fn failed_calls_leave_the_result(device: &Device, grid: u32) {
     let bytes: Vec<u8> = [0.5, f32::NAN].iter().flat_map(|x: &f32| x.to_ne_bytes()).collect();
     assert!(asset.set_rigidity(0, Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
     assert!(asset.set_mask(0, Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
-    assert!(asset.set_vertex_rigidity(Some(Strided::from_f32(&[f32::NAN]))).is_err());
+    assert!(asset.set_vertex_rigidity(Some(Strided::from_slice(&[f32::NAN]))).is_err());
     assert!(asset.corner_uvs(&mut [[0.0; 2]]).is_err());
 
     assert!(bits(&asset) == result);

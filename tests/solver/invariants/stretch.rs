@@ -6,7 +6,7 @@ use vrtm_testkit::log::listened;
 use vrtm_testkit::{self, Model, options, quads};
 
 fn report(asset: &mut Asset, pose: &[[f32; 3]]) -> AssetReport {
-    asset.solve(Strided::from_f32x3(pose), &options(Quality::Draft)).unwrap();
+    asset.solve(Strided::from_slice(pose), &options(Quality::Draft)).unwrap();
     asset.report().unwrap()
 }
 
@@ -15,7 +15,7 @@ fn other_units_and_other_orders_are_noticed() {
     let model = Model::from(vrtm_testkit::scenes::creature());
     let (device, log) = listened();
     // It has no maps.
-    let mut asset = model.bare_on(&device, Strided::from_f32x3(&model.rest));
+    let mut asset = model.bare_on(&device, Strided::from_slice(&model.rest));
     let mut poses = vec![model.rest.clone()];
     poses.extend(model.frames.iter().cloned());
     for pose in &poses {
@@ -62,7 +62,7 @@ fn the_edges_of_a_large_mesh_are_sampled_evenly() {
         indices: corners,
         ..Model::default()
     };
-    let mut asset = model.bare(1, Strided::from_f32x3(&rest));
+    let mut asset = model.bare(1, Strided::from_slice(&rest));
     let pose: Vec<_> = rest.iter().map(|&[x, y, z]| [x + 2.0 * x * x, y, z]).collect();
     let found = report(&mut asset, &pose);
     // Of each triangle's three edges one lies along x, of which half are over 3, and one is a diagonal, of length

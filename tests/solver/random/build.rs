@@ -241,10 +241,10 @@ impl Recipe {
     /// Calls `f` with the positions in the recipe's format.
     pub fn with_positions<R>(&self, points: &[[f64; 3]], f: impl FnOnce(Strided) -> R) -> R {
         if self.doubles {
-            return f(Strided::from_f64x3(points));
+            return f(Strided::from_slice(points));
         }
         let floats: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
-        f(Strided::from_f32x3(&floats))
+        f(Strided::from_slice(&floats))
     }
 
     pub fn asset(&self, model: &Model, device: &Device) -> vrtm::Result<Asset> {
@@ -263,9 +263,9 @@ impl Recipe {
             .collect();
         // Faces without texture are told by their UV indices if there are any, otherwise by a list of the others.
         let uvs = if self.split_uvs {
-            UvSource { u: Strided::from_f32(&u), v: Some(Strided::from_f32(&v)), indices: None }
+            UvSource { u: Strided::from_slice(&u), v: Some(Strided::from_slice(&v)), indices: None }
         } else {
-            UvSource { u: Strided::from_f32x2(&model.uvs), v: None, indices: Some(&uv_indices) }
+            UvSource { u: Strided::from_slice(&model.uvs), v: None, indices: Some(&uv_indices) }
         };
         let chosen: Vec<u32> = (0..).zip(&model.textured).filter(|(_, t)| **t).map(|(f, _)| f).collect();
         let offsets: Vec<u32> = std::iter::once(0)
@@ -302,7 +302,7 @@ impl Recipe {
         if let Rigidity::Vertices(paint) = &self.rigidity {
             let size = [model.rest.len() as u32, 1];
             let values: Vec<f32> = (0..size[0]).map(|k| paint.at(k, 0, size)).collect();
-            asset.set_vertex_rigidity(Some(Strided::from_f32(&values)))?;
+            asset.set_vertex_rigidity(Some(Strided::from_slice(&values)))?;
         }
         Ok(asset)
     }

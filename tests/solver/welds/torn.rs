@@ -59,12 +59,12 @@ fn a_torn_weld_is_the_cut_mesh_in_that_pose_alone() {
         for [old, new] in &doubled {
             closed[*old as usize] = closed[*new as usize];
         }
-        torn.solve(Strided::from_f32x3(&closed), &options(Quality::Normal)).unwrap();
+        torn.solve(Strided::from_slice(&closed), &options(Quality::Normal)).unwrap();
         assert_eq!(torn.tile_report(0).unwrap().welds_torn, 0);
         let seamless = sheet(QUADS);
         let count = seamless.rest.len();
         let mut whole = seamless.asset_on(&device, GRID as u32);
-        whole.solve(Strided::from_f32x3(&closed[..count]), &options(Quality::Normal)).unwrap();
+        whole.solve(Strided::from_slice(&closed[..count]), &options(Quality::Normal)).unwrap();
         assert!(bits(&whole) == bits(&torn), "what is not torn is not the whole mesh");
         // Half of it: as a mesh with seams at the torn edges.
         let half: Vec<[u32; 2]> = doubled[..doubled.len() / 2].to_vec();
@@ -73,18 +73,18 @@ fn a_torn_weld_is_the_cut_mesh_in_that_pose_alone() {
             pose[*old as usize] = model.frames[0][*old as usize];
             pose[*new as usize] = model.frames[0][*new as usize];
         }
-        torn.solve(Strided::from_f32x3(&pose), &options(Quality::Normal)).unwrap();
+        torn.solve(Strided::from_slice(&pose), &options(Quality::Normal)).unwrap();
         let first = half[0][0] - 1;
         let seams: Vec<[u32; 2]> = (0..=half.len() as u32).map(|k| [first + k, first + k + 1]).collect();
         assert_eq!(torn.tile_report(0).unwrap().welds_torn as usize, seams.len());
         let cut = Model { seams, ..welded.clone() };
         let mut cut = cut.asset_on(&device, GRID as u32);
-        cut.solve(Strided::from_f32x3(&pose), &options(Quality::Normal)).unwrap();
+        cut.solve(Strided::from_slice(&pose), &options(Quality::Normal)).unwrap();
         assert_eq!(cut.tile_report(0).unwrap().welds_torn, 0);
         assert!(bits(&cut) == bits(&torn), "a torn weld is not a seam");
         assert!(corner_uvs(&cut) == corner_uvs(&torn));
         // Poses that tear nothing build nothing anew, whatever was torn before.
-        torn.solve(Strided::from_f32x3(&closed), &options(Quality::Normal)).unwrap();
+        torn.solve(Strided::from_slice(&closed), &options(Quality::Normal)).unwrap();
         assert_eq!(torn.tile_report(0).unwrap().times.maps, 0.0);
         assert!(bits(&whole) == bits(&torn));
         // And the first pose again, after the others: the result is the pose's alone.
@@ -150,11 +150,11 @@ fn a_pose_tears_a_weld_just_over_the_bound_of_the_header() {
                 let largest = largest.max((pose[below][axis] + factor * first).abs());
                 pose[above][axis] += factor * bound(largest);
                 if epsilon < 1e-10 {
-                    solve(&by_position, Strided::from_f64x3(&rest), Strided::from_f64x3(&pose))
+                    solve(&by_position, Strided::from_slice(&rest), Strided::from_slice(&pose))
                 } else {
                     let [rest, pose] =
                         [&rest, &pose].map(|p| p.iter().map(|p| p.map(|x| x as f32)).collect::<Vec<_>>());
-                    solve(&by_position, Strided::from_f32x3(&rest), Strided::from_f32x3(&pose))
+                    solve(&by_position, Strided::from_slice(&rest), Strided::from_slice(&pose))
                 }
             };
             // The coordinates themselves are rounded: by up to a step in 8 of them.

@@ -55,7 +55,6 @@ impl<'a> ImageView<'a> {
     ///
     /// # Errors
     /// `InvalidArgument` for a zero size, or another number of texels.
-    #[doc(alias = "from_f32")]
     pub fn from_texels<T: InputTexel>(name: &str, texels: &'a [T], size: [u32; 2]) -> Result<ImageView<'a>> {
         ImageView::new(name, as_bytes(texels), layout::<T>(name, texels.len(), size)?)
     }
@@ -84,14 +83,14 @@ impl<'a> ImageViewMut<'a> {
     /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
     /// # let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &MeshSource {
-    /// #     positions: Strided::from_f32x3(&rest),
+    /// #     positions: Strided::from_slice(&rest),
     /// #     face_counts: Some(&[4]),
     /// #     indices: &[0, 1, 2, 3],
-    /// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+    /// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
     /// #     ..MeshSource::default()
     /// # })?;
     /// # let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
-    /// asset.solve(Strided::from_f32x3(&rest), &SolveOptions::default())?;
+    /// asset.solve(Strided::from_slice(&rest), &SolveOptions::default())?;
     /// let mut map = vec![[0.0f32; 2]; 4 * 4];
     /// asset.fetch(tile, FetchKind::Redirection, &mut ImageViewMut::from_texels("map", &mut map, [4, 4])?)?;
     /// assert_eq!(map[0], [0.125, 0.875], "u, v of the first texel, at the top on the left");
@@ -99,7 +98,6 @@ impl<'a> ImageViewMut<'a> {
     /// # Ok(())
     /// # }
     /// ```
-    #[doc(alias = "from_f32x2")]
     #[doc(alias = "from_f16x2")]
     pub fn from_texels<T: OutputTexel>(
         name: &str,

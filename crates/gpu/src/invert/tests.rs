@@ -25,10 +25,10 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     let positions: Vec<[f32; 3]> = uvs.iter().map(|uv| [uv[0], uv[1], 0.0]).collect();
     let indices: Vec<u32> = (0..uvs.len() as u32).collect();
     let mesh = Mesh::new(&MeshSource {
-        positions: Strided::from_f32x3(&positions),
+        positions: Strided::from_slice(&positions),
         face_counts: Some(&vec![4; charts.len()]),
         indices: &indices,
-        uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: None },
+        uvs: UvSource { u: Strided::from_slice(&uvs), v: None, indices: None },
         ..MeshSource::default()
     });
     let mesh = mesh.unwrap();

@@ -115,7 +115,7 @@ const MAX_ENERGY_DIFFERENCE: f64 = 0.05;
 
 fn solve(model: &Model, pose: &[[f32; 3]], device: &Device, case: &Case) -> Asset {
     let mut asset = model.asset_on(device, case.grid);
-    asset.solve(Strided::from_f32x3(pose), &options(case.quality)).unwrap();
+    asset.solve(Strided::from_slice(pose), &options(case.quality)).unwrap();
     asset
 }
 
@@ -287,7 +287,7 @@ fn the_same_bits_every_time() {
         let (expected, of_first) = (bits(&first), report(&first));
         let same = |asset: &Asset| bits(asset) == expected && report(asset) == of_first;
         assert!(same(&solve(model, &model.frames[0], &device, &case)), "{}: another asset", model.name);
-        let rest = Strided::from_f32x3(&model.rest);
+        let rest = Strided::from_slice(&model.rest);
         first.solve(rest, &options(quality)).unwrap();
         assert!(bits(&first).iter().all(|u| *u == [0; 2]), "{}: rest", model.name);
         first.solve(model.frame(1), &options(quality)).unwrap();

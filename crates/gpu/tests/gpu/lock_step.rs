@@ -178,6 +178,6 @@ fn backends_are_compared_on_a_gpu_alone() {
     let asset = Model::from(vrtm_testkit::scenes::analytic::bulge()).asset(1, 32);
     let positions = vrtm_testkit::scenes::analytic::bulge().poses[0].clone();
     let compared =
-        compare_backends(&asset, 0, vrtm::Strided::from_f32x3(&positions), &SolveOptions::default(), true);
+        compare_backends(&asset, 0, vrtm::Strided::from_slice(&positions), &SolveOptions::default(), true);
     assert_eq!(compared.unwrap_err().kind, ErrorKind::Unsupported);
 }
