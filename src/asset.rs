@@ -9,6 +9,7 @@ mod log;
 pub(crate) mod measure;
 pub(crate) mod outputs;
 mod prepare;
+pub(crate) mod read;
 pub(crate) mod request;
 pub(crate) mod results;
 mod room;
@@ -19,7 +20,7 @@ pub(crate) mod solve;
 mod solver;
 mod stretch;
 pub(crate) mod tile;
-mod tiles;
+pub(crate) mod tiles;
 mod together;
 
 use std::ops::Deref;

@@ -43,7 +43,7 @@
 //! let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
 //! let painted: Vec<u8> =
 //!     (0..32 * 32).map(|i| if (12..20).contains(&(i % 32)) && (12..20).contains(&(i / 32)) { 255 } else { 0 }).collect();
-//! asset.set_rigidity(tile, Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
+//! asset.tile_mut(tile).set_rigidity(Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
 //!
 //! // Every frame: positions in, map out.
 //! let mut pose = rest;
@@ -53,7 +53,7 @@
 //! let fetch = Fetch::Image { tile, kind: FetchKind::Redirection, image };
 //! asset.redirect(Strided::from_slice(&pose), &SolveOptions::default(), &mut [fetch])?;
 //!
-//! let report = asset.tile_report(tile)?;
+//! let report = asset.tile(tile).report()?;
 //! assert!(report.energy < report.energy_before);
 //! assert!(report.min_jacobian > 0.0, "the warp is one-to-one");
 //! let [u, v] = map[16 * 32 + 16];
@@ -84,8 +84,10 @@ mod refine;
 pub use asset::Asset;
 pub use asset::carrier::{Carried, Carrier, CarrierInfo, CarrierSettings};
 pub use asset::outputs::Fetch;
+pub use asset::read::Tile;
 pub use asset::request::SolveRequest;
 pub use asset::results::Results;
+pub use asset::tiles::TileMut;
 pub use device::{Device, adapters};
 pub use half::f16;
 pub use map::FetchKind;

@@ -56,11 +56,11 @@ fn solve(backend: Backend) -> vrtm::Result<()> {
     let mut painted = [0u8; 32 * 32];
     painted.chunks_exact_mut(32).skip(12).take(8).for_each(|row| row[12..20].fill(255));
     let layout = ImageLayout::packed(32, 32, PixelFormat::U8);
-    asset.set_rigidity(0, Some(ImageView::new("rigidity", &painted, layout)?))?;
+    asset.tile_mut(0).set_rigidity(Some(ImageView::new("rigidity", &painted, layout)?))?;
     let mut pose = REST;
     (pose[1][0], pose[4][0]) = (1.3, 1.3);
     asset.solve(Strided::from_slice(&pose), &SolveOptions::default())?;
-    let report = asset.tile_report(0)?;
+    let report = asset.tile(0).report()?;
     assert!(report.energy < report.energy_before && report.min_jacobian > 0.0);
     Ok(())
 }

@@ -110,9 +110,9 @@ fn rows(args: &Args, model: &Model, frame: usize, setting: &str) -> Result<Strin
     let options = options(if draft { Quality::Draft } else { Quality::Normal });
     let mut asset = model.asset(0, args.grid);
     for tile in 0..asset.tile_count() {
-        let mut settings = asset.settings(tile).map_err(fail)?;
+        let mut settings = asset.tile_mut(tile).settings().map_err(fail)?;
         setting.split('+').try_for_each(|word| change(&mut settings, word))?;
-        asset.set_settings(tile, &settings).map_err(fail)?;
+        asset.tile_mut(tile).set_settings(&settings).map_err(fail)?;
     }
     let second = steps(&mut asset, model, frame, &options).map_err(fail)?;
     // With everything prepared; the least of three.

@@ -38,7 +38,7 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
             let fail = |error: vrtm::Error| format!("{} at {size}: {error}", model.name);
             let mut asset = model.asset_on(device, size);
             asset.solve(model.frame(1), &SolveOptions::default()).map_err(fail)?;
-            let work = asset.gpu_work(0).map_err(fail)?.ok_or("no GPU work")?;
+            let work = asset.tile(0).gpu_work().map_err(fail)?.ok_or("no GPU work")?;
             let all = Sums::of(&asset).map_err(fail)?;
             let nodes = all.nodes as f64;
             let bytes = work.bytes() as f64;
@@ -74,7 +74,7 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
                 // A new asset, which has no result to start from.
                 let mut asset = model.asset_on(device, size);
                 asset.solve(model.frame(1), &options).map_err(fail)?;
-                let work = asset.gpu_work(0).map_err(fail)?.ok_or("no GPU work")?;
+                let work = asset.tile(0).gpu_work().map_err(fail)?.ok_or("no GPU work")?;
                 let [dispatches, skipped, barriers] = [work.dispatches(), work.skipped, work.barriers];
                 let _ = writeln!(
                     kernels,
@@ -100,7 +100,7 @@ struct Sums {
 impl Sums {
     fn of(asset: &Asset) -> vrtm::Result<Sums> {
         let reports: Vec<TileReport> =
-            (0..asset.tile_count()).map(|tile| asset.tile_report(tile)).collect::<vrtm::Result<_>>()?;
+            (0..asset.tile_count()).map(|tile| asset.tile(tile).report()).collect::<vrtm::Result<_>>()?;
         Ok(Sums {
             nodes: reports.iter().map(|report| report.nodes_active).sum(),
             bytes: reports.iter().map(|report| report.bytes).sum(),
@@ -130,7 +130,7 @@ fn strain(asset: &mut Asset, model: &Model, options: &SolveOptions) -> vrtm::Res
         return Ok(String::new());
     }
     asset.solve(model.frame(1), &SolveOptions { measure: true, ..*options })?;
-    let strain = asset.tile_report(0)?.strain;
+    let strain = asset.tile(0).report()?.strain;
     Ok(strain.map_or(String::new(), |strain| format!(", strain {:.4}", strain.after.rms)))
 }
 

@@ -20,7 +20,7 @@ pub fn table(device: &Device) -> Result<String, String> {
         let options = SolveOptions { quality: Quality::Normal, ..SolveOptions::default() };
         let solve = |mut asset: vrtm::Asset| -> vrtm::Result<_> {
             asset.solve(model.frame(1), &options)?;
-            let (u, report) = (asset.displacements(0)?, asset.tile_report(0)?);
+            let (u, report) = (asset.displacements(0)?, asset.tile(0).report()?);
             let start: Vec<[f64; 2]> = u.iter().map(|u| u.map(f64::from)).collect();
             let energy = asset.reference_energy(0, model.frame(1), &start)?;
             let least = asset.reference_minimum(0, model.frame(1), Some(&start), false)?.energy;

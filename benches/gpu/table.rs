@@ -61,9 +61,9 @@ fn once(
     times: &mut Times,
 ) -> vrtm::Result<()> {
     asset.solve(Strided::from_slice(pose), options)?;
-    let report = asset.tile_report(0)?;
+    let report = asset.tile(0).report()?;
     times.wall.push(report.times.total);
-    if let Some(work) = asset.gpu_work(0)? {
+    if let Some(work) = asset.tile(0).gpu_work()? {
         times.upload.push(work.upload_ms);
         times.gpu.push(work.gpu_ms.unwrap_or(f32::NAN));
     }
@@ -74,9 +74,9 @@ fn once(
     for ((format, kind), times) in images.into_iter().zip(&mut times.invert) {
         let bytes = &mut map[..width as usize * height as usize * 2 * format.size()];
         let mut image = ImageViewMut::new("map", bytes, ImageLayout::packed(width, height, format))?;
-        asset.fetch(0, kind, &mut image)?;
+        asset.tile(0).fetch(kind, &mut image)?;
         let start = Instant::now();
-        asset.fetch(0, kind, &mut image)?;
+        asset.tile(0).fetch(kind, &mut image)?;
         times.push(start.elapsed().as_secs_f32() * 1000.0);
     }
     Ok(())
@@ -96,7 +96,7 @@ pub fn rows(
     let mut map = vec![0u8; size as usize * size as usize * 8];
     let best = SolveOptions { max_corrections: Some(7), tolerance: Some(1e-6), ..SolveOptions::default() };
     once(&mut asset, &poses[1], &best, &mut map, &mut Times::default()).map_err(fail)?;
-    let best = asset.tile_report(0).map_err(fail)?.energy;
+    let best = asset.tile(0).report().map_err(fail)?.energy;
     let efforts = [
         ("draft", draft()),
         ("normal", SolveOptions::default()),
@@ -121,7 +121,7 @@ pub fn rows(
         let clock = warm::clock(&device.info().name).unwrap_or_else(|| "-".into());
         let options = SolveOptions { measure: true, ..options };
         once(&mut asset, &poses[1], &options, &mut map, &mut Times::default()).map_err(fail)?;
-        let report = asset.tile_report(0).map_err(fail)?;
+        let report = asset.tile(0).report().map_err(fail)?;
         let excess = match options.quality {
             Quality::Draft => "-".into(),
             _ => format!("{:.4}", 100.0 * (report.energy - best) / (report.energy_before - best)),
@@ -155,7 +155,7 @@ pub fn kernels(device: &Device, size: u32, solves: usize, ceiling: f64) -> Resul
     let mut in_turn = || -> Result<GpuWork, String> {
         n += 1;
         asset.solve(Strided::from_slice(&poses[n % 2]), &SolveOptions::default()).map_err(fail)?;
-        asset.gpu_work(0).map_err(fail)?.ok_or_else(|| "no GPU work".into())
+        asset.tile(0).gpu_work().map_err(fail)?.ok_or_else(|| "no GPU work".into())
     };
     device.time_kernels(true);
     let works = warm::load(&mut in_turn).and_then(|first| {

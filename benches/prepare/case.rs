@@ -44,15 +44,15 @@ impl Case {
         let mut asset = sixteen_asset(&device, self.share).map_err(|e| e.to_string())?;
         let layout = ImageLayout::packed(self.grid, self.grid, PixelFormat::U8);
         let map = ImageView::new("rigidity", &texels, layout).map_err(|e| e.to_string())?;
-        asset.set_rigidity(0, Some(map)).map_err(|e| e.to_string())?;
+        asset.tile_mut(0).set_rigidity(Some(map)).map_err(|e| e.to_string())?;
         let settings = TileSettings { grid: [Some(self.grid); 2], ..TileSettings::default() };
-        asset.set_settings(0, &settings).map_err(|e| e.to_string())?;
+        asset.tile_mut(0).set_settings(&settings).map_err(|e| e.to_string())?;
         drop(texels);
         // The caller has freed its map by then, as a host would.
         let before = before.saturating_sub((n * n) as u64);
         memory::restart_peak();
         let start = Instant::now();
-        let info = asset.tile_info(0).map_err(|e| e.to_string())?;
+        let info = asset.tile_mut(0).info().map_err(|e| e.to_string())?;
         let seconds = start.elapsed().as_secs_f64();
         let (peak, held) = (memory::peak() - before, memory::resident() - before);
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
@@ -78,7 +78,7 @@ impl Case {
                     .map_err(|e| e.to_string())?;
                 *seconds = start.elapsed().as_secs_f64();
             }
-            let report = asset.tile_report(0).map_err(|e| e.to_string())?;
+            let report = asset.tile(0).report().map_err(|e| e.to_string())?;
             if report.folds > 0 || report.energy >= report.energy_before {
                 return Err(format!("{} folds, energy {}", report.folds, report.energy));
             }
@@ -89,7 +89,7 @@ impl Case {
             for first in (0..self.grid).step_by(BAND as usize) {
                 ImageViewMut::new("image", &mut image, layout)
                     .and_then(|view| view.part_of("image", [self.grid; 2], [0, first]))
-                    .and_then(|mut view| asset.fetch(0, FetchKind::Redirection, &mut view))
+                    .and_then(|mut view| asset.tile(0).fetch(FetchKind::Redirection, &mut view))
                     .map_err(|e| e.to_string())?;
             }
             let fetched = start.elapsed().as_secs_f64();

@@ -112,7 +112,7 @@ fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quali
     let options = SolveOptions { quality, ..SolveOptions::default() };
     let start = Instant::now();
     let mut asset = model.asset_on(device, grid);
-    asset.tile_info(0).expect("a tile");
+    asset.tile_mut(0).info().expect("a tile");
     let prepare = start.elapsed().as_secs_f64() * 1e3;
     let first = shortest(1, || asset.solve(model.frame(1), &options).expect("a solve"));
     let (mut next, mut frame, mut stages) = (f64::INFINITY, 1, StageTimes::default());
@@ -120,13 +120,13 @@ fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quali
         frame = 3 - frame;
         let ms = shortest(1, || asset.solve(model.frame(frame), &options).expect("a solve"));
         if ms < next {
-            (next, stages) = (ms, asset.tile_report(0).expect("a report").times);
+            (next, stages) = (ms, asset.tile(0).report().expect("a report").times);
         }
     }
     let mut texels = vec![[0.0f32; 2]; (grid * grid) as usize];
     let map = shortest(args.repeats, || image(&asset, FetchKind::Redirection, &mut texels, grid));
     asset.solve(model.frame(1), &SolveOptions { measure: true, ..options }).expect("a solve");
-    let report = asset.tile_report(0).expect("a report");
+    let report = asset.tile(0).report().expect("a report");
     println!(
         "| {} | {grid} | {quality:?} | {prepare:.0} | {first:.1} | {next:.1} | {map:.1} | {:.1} | {:.5} | {:.6} | {:.2} | {:.2} | {:.2} | {:.2} | \
          {:.2} | {:.2} |",
@@ -146,7 +146,7 @@ fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quali
 /// Fetches a packed image of a size on a side.
 fn image<T: OutputTexel>(asset: &Asset, kind: FetchKind, texels: &mut [T], size: u32) {
     let mut image = ImageViewMut::from_texels("image", texels, [size; 2]).expect("an image");
-    asset.fetch(0, kind, &mut image).expect("an output");
+    asset.tile(0).fetch(kind, &mut image).expect("an output");
 }
 
 fn outputs(args: &Args, device: &Device, model: &Model, grid: u32) {

@@ -41,7 +41,7 @@ struct Solver<'a> {
 impl Solver<'_> {
     fn solve(&mut self, pose: &[[f64; 3]], options: &SolveOptions) -> (Warp, f64) {
         self.asset.solve(Strided::from_slice(pose), options).unwrap();
-        (roughness::warp(self.asset, self.tile), self.asset.tile_report(self.tile).unwrap().energy)
+        (roughness::warp(self.asset, self.tile), self.asset.tile(self.tile).report().unwrap().energy)
     }
 
     /// The minimum that the last result leads to.

@@ -102,7 +102,7 @@ pub fn play(
 /// Energy, smallest Jacobian and milliseconds of the last solve, over all tiles.
 fn sums_of_tiles(asset: &Asset) -> vrtm::Result<(f64, f64, f64)> {
     (0..asset.tile_count()).try_fold((0.0, f64::INFINITY, 0.0), |(energy, jacobian, ms), tile| {
-        let report = asset.tile_report(tile)?;
+        let report = asset.tile(tile).report()?;
         Ok((energy + report.energy, report.min_jacobian.min(jacobian), ms + f64::from(report.times.total)))
     })
 }
@@ -119,7 +119,7 @@ fn place(asset: &Asset, mut index: usize) -> vrtm::Result<(u32, [f64; 2])> {
         let Warp { nx, ny, u } = Warp::of(asset, tile);
         if index < u.len() {
             let uv = [(index % (nx + 1)) as f64 / nx as f64, (index / (nx + 1)) as f64 / ny as f64];
-            return Ok((asset.tile_report(tile)?.udim, uv));
+            return Ok((asset.tile(tile).report()?.udim, uv));
         }
         index -= u.len();
     }

@@ -20,7 +20,7 @@ pub fn node_update(grid: u32, solves: usize) -> Result<f64, String> {
     let mut times = Vec::new();
     for k in 0..=solves {
         asset.solve(case.pose(k), &draft).map_err(fail)?;
-        let report = asset.tile_report(tile).map_err(fail)?;
+        let report = asset.tile(tile).report().map_err(fail)?;
         if k > 0 {
             times.push(f64::from(report.times.relax) * 1e6 / report.node_updates as f64);
         }
@@ -46,10 +46,10 @@ pub fn size_cost(grid: u32, solves: usize) -> Result<SizeCost, String> {
         asset.solve(case.pose(k), &SolveOptions::default()).map_err(fail)?;
         // The first frame also allocates memory.
         if k > 0 {
-            times.push(f64::from(asset.tile_report(tile).map_err(fail)?.times.total));
+            times.push(f64::from(asset.tile(tile).report().map_err(fail)?.times.total));
         }
     }
-    let report = asset.tile_report(tile).map_err(fail)?;
+    let report = asset.tile(tile).report().map_err(fail)?;
     Ok(SizeCost {
         grid,
         nodes: report.nodes_active,

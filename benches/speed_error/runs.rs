@@ -50,7 +50,7 @@ impl SolverAsset {
         self.asset
             .solve(case.pose(self.solves), options)
             .map_err(|error| format!("{}: {error}", case.name))?;
-        let report = self.asset.tile_report(self.tile).map_err(|error| error.to_string())?;
+        let report = self.asset.tile(self.tile).report().map_err(|error| error.to_string())?;
         // A chart that keeps its last result takes no time, which would look like speed.
         assert_eq!(report.charts_reused, 0, "{}: no chart's inputs are those of the solve before", case.name);
         Ok(f64::from(report.times.total))
@@ -76,7 +76,7 @@ pub fn run(
         // Errors are measured on the pose itself, not on its slightly moved copy.
         asset.solves = 1;
         asset.solve(case, &SolveOptions { measure: true, ..effort.options })?;
-        let report = asset.asset.tile_report(asset.tile).map_err(|error| error.to_string())?;
+        let report = asset.asset.tile(asset.tile).report().map_err(|error| error.to_string())?;
         let u = asset.asset.displacements(asset.tile).map_err(|error| error.to_string())?;
         let row = Row {
             backend: target.name,

@@ -29,6 +29,6 @@ pub unsafe extern "C" fn vrtm_tile_fetch_dilation(
         let target = unsafe { Target::read(image, "image", FetchKind::RedirectionUdim) }?;
         // SAFETY: the host vouches for the memory, and this is the only view of it.
         let mut view = unsafe { target.view("image") }?;
-        Ok(asset.results.fetch_dilation(tile, reach, &mut view)?)
+        Ok(asset.results.tile(tile).fetch_dilation(reach, &mut view)?)
     })
 }

@@ -101,6 +101,6 @@ pub unsafe extern "C" fn vrtm_tile_fetch_external(
         // SAFETY: the host's pointer, valid during the call.
         let image = unsafe { read(image, "image") }?;
         // SAFETY: the host vouches for the handle, and for the use of the memory.
-        Ok(unsafe { asset.results.fetch_external(tile, kind, &image) }?)
+        Ok(unsafe { asset.results.tile(tile).fetch_external(kind, &image) }?)
     })
 }

@@ -60,6 +60,6 @@ pub unsafe extern "C" fn vrtm_tile_inspect_map(
         let desc = unsafe { desc::read(desc, "desc") }?;
         let (kind, format) = (fetch_kind(desc.kind, "desc.kind")?, pixel_format(desc.format, "desc")?);
         let desc = MapDesc { kind, format, size: [desc.width, desc.height] };
-        Ok(asset.results.inspect_map(tile, &desc)?.into())
+        Ok(asset.results.tile(tile).inspect_map(&desc)?.into())
     })
 }

@@ -30,7 +30,7 @@ pub unsafe extern "C" fn vrtm_tile_get_estimate(
 ) -> vrtm_status {
     guard_struct("vrtm_tile_get_estimate", estimate, "estimate", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        Ok(asset.write(|asset| Ok(asset.tile_estimate(tile)?))?.into())
+        Ok(asset.write(|asset| Ok(asset.tile_mut(tile).estimate()?))?.into())
     })
 }
 
@@ -50,12 +50,12 @@ pub unsafe extern "C" fn vrtm_tile_save(
 ) -> vrtm_status {
     guard_value("vrtm_tile_save", size, "size", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        let needed = asset.write(|asset| Ok(asset.saved_tile_size(tile)?))?;
+        let needed = asset.write(|asset| Ok(asset.tile_mut(tile).saved_size()?))?;
         if !data.is_null() {
             ensure!(capacity >= needed, "capacity is {capacity} bytes, {needed} are needed");
             // SAFETY: the host vouches for `capacity` bytes during the call.
             let out = unsafe { desc::slice_mut(data.cast::<u8>(), needed, "data") }?;
-            asset.write(|asset| Ok(asset.save_tile_to(tile, out)?))?;
+            asset.write(|asset| Ok(asset.tile_mut(tile).save_to(out)?))?;
         }
         Ok(needed)
     })
@@ -76,6 +76,6 @@ pub unsafe extern "C" fn vrtm_tile_load(tile: vrtm_tile, data: *const c_void, si
         ensure!(!data.is_null(), "data is null");
         // SAFETY: the host vouches for `size` bytes during the call.
         let data = unsafe { desc::slice(data.cast::<u8>(), size, "data") }?;
-        asset.write(|asset| Ok(asset.load_tile(tile, data)?))
+        asset.write(|asset| Ok(asset.tile_mut(tile).load(data)?))
     })
 }

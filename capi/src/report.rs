@@ -71,7 +71,7 @@ mirror! {
 pub unsafe extern "C" fn vrtm_tile_get_report(tile: vrtm_tile, report: *mut vrtm_tile_report) -> vrtm_status {
     guard_struct("vrtm_tile_get_report", report, "report", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        Ok(asset.results.tile_report(tile)?.into())
+        Ok(asset.results.tile(tile).report()?.into())
     })
 }
 
@@ -90,7 +90,7 @@ pub unsafe extern "C" fn vrtm_tile_get_worst_features(
 ) -> vrtm_status {
     guard_value("vrtm_tile_get_worst_features", count, "count", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        let strain = asset.results.tile_report(tile)?.strain.unwrap_or_default();
+        let strain = asset.results.tile(tile).report()?.strain.unwrap_or_default();
         if !features.is_null() || capacity > 0 {
             // SAFETY: the host vouches for `capacity` elements during the call.
             let out = unsafe { desc::slice_mut(features, capacity, "features") }?;

@@ -211,6 +211,6 @@ mod tests {
         let asset = triangle();
         let status = guard("vrtm_test", || asset.write(|_| -> Outcome<()> { panic!("in the middle") }));
         assert_eq!(status, VRTM_ERROR_INTERNAL);
-        assert!(asset.write(|asset| Ok(asset.set_rigidity(0, None)?)).is_ok());
+        assert!(asset.write(|asset| Ok(asset.tile_mut(0).set_rigidity(None)?)).is_ok());
     }
 }

@@ -65,9 +65,9 @@ pub struct vrtm_tile_key {
 pub unsafe extern "C" fn vrtm_tile_get_key(tile: vrtm_tile, key: *mut vrtm_tile_key) -> vrtm_status {
     guard_value("vrtm_tile_get_key", key, "key", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        let (udim, uv_set) = asset.results.tile_udim(tile);
-        let (layer, layers) = asset.results.tile_layer(tile);
-        Ok(vrtm_tile_key { udim, uv_set, layer, layers })
+        let tile = asset.results.tile(tile);
+        let (layer, layers) = tile.layer();
+        Ok(vrtm_tile_key { udim: tile.udim(), uv_set: tile.uv_set(), layer, layers })
     })
 }
 
@@ -90,7 +90,7 @@ pub unsafe extern "C" fn vrtm_asset_find_tile(
         let found = shared.results.find_tile_of_set(uv_set, udim);
         let index =
             found.ok_or_else(|| Failure::argument(format!("key.udim: the asset has no tile {udim}")))?;
-        let layers = shared.results.tile_layer(index).1;
+        let layers = shared.results.tile(index).layer().1;
         ensure!(layer < layers, "key.layer is {layer}, but tile {udim} has {layers} layers");
         Ok(handle::tile_handle(asset, index + layer as usize))
     })
@@ -116,7 +116,7 @@ pub struct vrtm_tile_grid {
 pub unsafe extern "C" fn vrtm_tile_get_grid(tile: vrtm_tile, grid: *mut vrtm_tile_grid) -> vrtm_status {
     guard_value("vrtm_tile_get_grid", grid, "grid", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        let [width, height] = asset.write(|asset| Ok(asset.tile_grid(tile)?))?;
+        let [width, height] = asset.write(|asset| Ok(asset.tile_mut(tile).grid()?))?;
         Ok(vrtm_tile_grid { width, height })
     })
 }
@@ -130,7 +130,7 @@ pub unsafe extern "C" fn vrtm_tile_get_grid(tile: vrtm_tile, grid: *mut vrtm_til
 pub unsafe extern "C" fn vrtm_tile_get_info(tile: vrtm_tile, info: *mut vrtm_tile_info) -> vrtm_status {
     guard_struct("vrtm_tile_get_info", info, "info", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        Ok(asset.write(|asset| Ok(asset.tile_info(tile)?))?.into())
+        Ok(asset.write(|asset| Ok(asset.tile_mut(tile).info()?))?.into())
     })
 }
 
@@ -149,7 +149,7 @@ pub unsafe extern "C" fn vrtm_tile_set_rigidity(tile: vrtm_tile, rigidity: *cons
         let (asset, tile) = handle::tile("tile", tile)?;
         // SAFETY: the host's pointer, valid during the call.
         let image = unsafe { image_or_none(rigidity, "rigidity") }?;
-        asset.write(|asset| Ok(asset.set_rigidity(tile, image)?))
+        asset.write(|asset| Ok(asset.tile_mut(tile).set_rigidity(image)?))
     })
 }
 
@@ -175,7 +175,7 @@ pub unsafe extern "C" fn vrtm_tile_update_rigidity(
         // SAFETY: the host's pointer, valid during the call.
         let image = unsafe { image_or_none(rigidity, "rigidity") }?
             .ok_or_else(|| Failure::argument("rigidity is null"))?;
-        asset.write(|asset| Ok(asset.update_rigidity(tile, image, [x, y], [width, height])?))
+        asset.write(|asset| Ok(asset.tile_mut(tile).update_rigidity(image, [x, y], [width, height])?))
     })
 }
 
@@ -190,7 +190,7 @@ pub unsafe extern "C" fn vrtm_tile_set_mask(tile: vrtm_tile, mask: *const vrtm_i
         let (asset, tile) = handle::tile("tile", tile)?;
         // SAFETY: the host's pointer, valid during the call.
         let image = unsafe { image_or_none(mask, "mask") }?;
-        asset.write(|asset| Ok(asset.set_mask(tile, image)?))
+        asset.write(|asset| Ok(asset.tile_mut(tile).set_mask(image)?))
     })
 }
 
@@ -244,7 +244,7 @@ pub unsafe extern "C" fn vrtm_tile_set_settings(
         // SAFETY: the host's pointer, valid during the call.
         let new: vrtm_tile_settings = unsafe { desc::read_or_default(settings, "settings") }?;
         let new = new.settings()?;
-        asset.write(|asset| Ok(asset.set_settings(tile, &new)?))
+        asset.write(|asset| Ok(asset.tile_mut(tile).set_settings(&new)?))
     })
 }
 
@@ -259,7 +259,7 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
 ) -> vrtm_status {
     guard_struct("vrtm_tile_get_settings", settings, "settings", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        let now = asset.write(|asset| Ok(asset.settings(tile)?))?;
+        let now = asset.write(|asset| Ok(asset.tile_mut(tile).settings()?))?;
         Ok((&now).into())
     })
 }
@@ -272,6 +272,6 @@ pub unsafe extern "C" fn vrtm_tile_freeze(tile: vrtm_tile, frozen: u32) -> vrtm_
     guard("vrtm_tile_freeze", || {
         let (asset, tile) = handle::tile("tile", tile)?;
         let frozen = flag(frozen, "frozen")?;
-        asset.write(|asset| Ok(asset.freeze(tile, frozen)?))
+        asset.write(|asset| Ok(asset.tile_mut(tile).freeze(frozen)?))
     })
 }

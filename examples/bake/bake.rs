@@ -37,22 +37,22 @@ impl<'a> Bake<'a> {
         let fallback = maps.map(|map| map.size).max().unwrap_or([512; 2]);
         let mut tiles = Vec::new();
         for index in 0..asset.tile_count() {
-            let udim = asset.tile_info(index).map_err(failure)?.udim;
+            let udim = asset.tile_mut(index).info().map_err(failure)?.udim;
             let maps = source.maps.get(&udim);
             let rigidity = maps.and_then(|maps| maps.rigidity.as_ref());
             if let Some(map) = rigidity {
-                let set = asset.set_rigidity(index, Some(map.view()?));
+                let set = asset.tile_mut(index).set_rigidity(Some(map.view()?));
                 set.map_err(|e| Failure::named(&map.origin, e))?;
             }
             if let Some(map) = maps.and_then(|maps| maps.mask.as_ref()) {
-                let set = asset.set_mask(index, Some(map.view()?));
+                let set = asset.tile_mut(index).set_mask(Some(map.view()?));
                 set.map_err(|e| Failure::named(&map.origin, e))?;
             }
             let cells = args.size.map_or(rigidity.map_or(fallback, |map| map.size), |n| [n, n]);
-            let mut settings = asset.settings(index).map_err(failure)?;
+            let mut settings = asset.tile_mut(index).settings().map_err(failure)?;
             settings.grid = [args.size; 2];
-            asset.set_settings(index, &settings).map_err(|e| Failure::named("--size", e))?;
-            let nodes = asset.tile_info(index).map_err(failure)?.grid.map(|cells| cells + 1);
+            asset.tile_mut(index).set_settings(&settings).map_err(|e| Failure::named("--size", e))?;
+            let nodes = asset.tile_mut(index).info().map_err(failure)?.grid.map(|cells| cells + 1);
             let sizes = [args.map_size.map_or(cells, |n| [n, n]), nodes];
             tiles.push(Tile { udim, rigidity, cells: nodes[0] - 1, sizes });
         }
@@ -77,7 +77,7 @@ impl<'a> Bake<'a> {
         let [width, height] = self.tiles[tile].sizes[usize::from(kind == FetchKind::Warp)];
         let mut data = vec![[0.0f32; 3]; width as usize * height as usize];
         let mut image = ImageViewMut::from_texels("image", &mut data, [width, height])?;
-        self.asset.fetch(tile, kind, &mut image)?;
+        self.asset.tile(tile).fetch(kind, &mut image)?;
         Ok(Field { size: [width as usize, height as usize], data })
     }
 
@@ -88,6 +88,6 @@ impl<'a> Bake<'a> {
 
     /// The figures of all tiles. Once the outputs are fetched, they include the time of the inversion.
     pub fn reports(&self) -> vrtm::Result<Vec<TileReport>> {
-        (0..self.tiles.len()).map(|tile| self.asset.tile_report(tile)).collect()
+        (0..self.tiles.len()).map(|tile| self.asset.tile(tile).report()).collect()
     }
 }

@@ -34,7 +34,7 @@ impl Results {
     /// Writes outputs of one and the same solve, even if another one ends meanwhile.
     ///
     /// # Errors
-    /// `InvalidArgument` for an unknown tile or another asset's carrier; otherwise as [`Results::fetch`] and
+    /// `InvalidArgument` for an unknown tile or another asset's carrier; otherwise as [`crate::Tile::fetch`] and
     /// [`Carrier::fetch`]. Nothing is written then, unless a GPU fails while the images are written.
     pub fn fetch_all(&self, fetches: &mut [Fetch]) -> Result<()> {
         self.check_fetches(fetches)?;

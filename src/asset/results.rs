@@ -9,19 +9,16 @@ use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::maps::TileMaps;
 use vrtm_core::image::ImageViewMut;
-use vrtm_core::image::external::ExternalImage;
-use vrtm_core::mesh::Mesh;
+use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::panics::lock;
-use vrtm_core::report::{AssetReport, GpuWork, TileReport, report};
+use vrtm_core::report::{AssetReport, report};
 use vrtm_core::team::Team;
 use vrtm_core::unwind::caught;
 use vrtm_core::view::{Packed, Strided};
 
 use super::stretch::Stretch;
-use crate::map::certificate::desc::{MapDesc, MapReport};
 use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
-use crate::map::{FetchKind, certificate, dilation, external};
 use crate::solved::Solved;
 
 /// The last good results of an asset. A clone is another handle to the same results; any thread may keep and read it
@@ -95,9 +92,6 @@ pub(crate) struct TileResult {
     pub late: bool,
 }
 
-/// The farthest reach of a dilation, in UV.
-const MAX_REACH: f64 = 0.5;
-
 impl Results {
     pub(crate) fn new(device: &Device, mesh: &Arc<Mesh>) -> Results {
         Results(Arc::new(Shared {
@@ -116,13 +110,6 @@ impl Results {
         self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
-    /// The layer that the tile at `index` is, and the number of layers of its UDIM number; panics if the index is out
-    /// of range.
-    #[must_use]
-    pub fn tile_layer(&self, index: usize) -> (u32, u32) {
-        (self.0.mesh.tiles[index].layer, self.0.mesh.layers(index).len() as u32)
-    }
-
     /// The layer of each face in a UV set: which of the tiles with its UDIM number it belongs to; 0 for a face in no
     /// tile.
     ///
@@ -136,13 +123,6 @@ impl Results {
         ensure!(given == faces, "layers: {given} elements, but the mesh has {faces} faces");
         out.iter_mut().zip(layers).for_each(|(out, layer)| *out = layer);
         Ok(())
-    }
-
-    /// UDIM number and UV set of the tile at `index`; panics if the index is out of range.
-    #[must_use]
-    pub fn tile_udim(&self, index: usize) -> (u32, u32) {
-        let tile = &self.0.mesh.tiles[index];
-        (tile.udim, tile.uv_set)
     }
 
     pub(crate) fn device(&self) -> &Device {
@@ -175,42 +155,6 @@ impl Results {
         let _old = std::mem::replace(&mut *lock(&self.0.last), last);
     }
 
-    /// Writes one output of a tile's result.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
-    pub fn fetch(&self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
-        kind.check_channels("image", image.layout.channels)?;
-        let device = &self.0.device;
-        device.call(|| {
-            let solved = self.solved(tile)?.solved;
-            let output = Output::new(&self.0.mesh, &solved, kind, image.part(), &image.layout)?;
-            device.team(|team| self.write(team, output, image))
-        })
-    }
-
-    /// Writes what a texture must hold around a tile's charts: for each texel whose centre lies beside them, up to
-    /// `reach` (in UV, at most 0.5) from a seam, the UV among all tiles, as in [`FetchKind::RedirectionUdim`], of the
-    /// texel that shows what the surface shows there; for all other texels their own centre. The fourth channel, if the
-    /// image has one, is 1 in charts and where a UV was found, and 0 elsewhere. It depends on the rest pose and the UVs
-    /// alone, and needs no solve. Two to four channels.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for an unknown tile, a reach out of range or an impossible number of channels; `OutOfMemory`.
-    /// Nothing is written then.
-    pub fn fetch_dilation(&self, tile: usize, reach: f64, image: &mut ImageViewMut) -> Result<()> {
-        let Shared { device, mesh, .. } = &*self.0;
-        self.check_tile(tile)?;
-        ensure!(reach > 0.0 && reach <= MAX_REACH, "reach: {reach} is not over 0 and at most {MAX_REACH}");
-        FetchKind::RedirectionUdim.check_channels("image", image.layout.channels)?;
-        device.call(|| {
-            device.team(|team| {
-                dilation::write(team, mesh, tile, reach, image);
-                Ok(())
-            })
-        })
-    }
-
     pub(super) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
         let start = Instant::now();
         let device = &self.0.device;
@@ -227,40 +171,6 @@ impl Results {
         }
         solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
         Ok(())
-    }
-
-    /// Writes a redirection of a tile's result into memory of the host's own graphics device, which must be the same
-    /// GPU, without passing through the CPU. The texels, in f32 or f16, are bit-identical to those of
-    /// [`Results::fetch`]. The call returns when they are written, so no semaphore is needed. The caller remains
-    /// responsible for the handle.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve; `Unsupported` on the CPU, for kinds other than redirections, and for memory
-    /// that this GPU does not import; `InvalidArgument`, naming the field, for a layout that does not fit;
-    /// `OutOfMemory`. In all of these cases nothing is written. `DeviceLost`: the texels are undefined.
-    ///
-    /// # Safety
-    /// The handle refers to memory as the image describes it, and during the call no other program or device uses the
-    /// image's texels.
-    pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
-        let texels = external::check(kind, image)?;
-        let device = &self.0.device;
-        device.call(|| external::write(device, &self.solved(tile)?.solved, kind, &texels))
-    }
-
-    /// Inspects the map that a fetch of this kind, size and format would write: whether it is one-to-one when read with
-    /// bilinear interpolation, and how far it is from the redirection. Computed on the CPU.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve; `InvalidArgument` for another kind than a redirection or an impossible size;
-    /// `Unsupported` for integer formats; `OutOfMemory`; on a GPU `DeviceLost`.
-    pub fn inspect_map(&self, tile: usize, desc: &MapDesc) -> Result<MapReport> {
-        let device = &self.0.device;
-        device.call(|| {
-            let solved = self.solved(tile)?.solved;
-            desc.check()?;
-            device.team(|team| certificate::inspect(device, team, &self.0.mesh, &solved, desc))
-        })
     }
 
     /// Redirected UV of every face corner of the mesh in UV set 0, in corner order, with the tile's offset added; 0, 0
@@ -314,25 +224,6 @@ impl Results {
         })
     }
 
-    /// The report of a tile's last solve.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve.
-    pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
-        let TileResult { solved, kept, late } = self.solved(tile)?;
-        let report = solved.report();
-        Ok(report!(report, { kept: kept, truncated: report.truncated || late }))
-    }
-
-    /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart needed
-    /// solving.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve.
-    pub fn gpu_work(&self, tile: usize) -> Result<Option<GpuWork>> {
-        self.solved(tile).map(|result| result.solved.work.clone())
-    }
-
     /// The report of the last solve over all tiles.
     ///
     /// # Errors
@@ -381,7 +272,7 @@ impl Results {
     }
 
     pub(super) fn not_solved(&self, tile: usize) -> Error {
-        let (udim, uv_set) = self.tile_udim(tile);
+        let TileMesh { udim, uv_set, .. } = *self.0.mesh.tiles[tile];
         let message = format!("tile {udim} of UV set {uv_set} has no result yet: solve first");
         Error::new(ErrorKind::NotSolved, message)
     }

@@ -47,7 +47,7 @@ impl Asset {
     /// Solves and fetches in one call: all arguments are checked before anything is written.
     ///
     /// # Errors
-    /// Those of [`Asset::solve`] and [`crate::Results::fetch`].
+    /// Those of [`Asset::solve`] and [`crate::Tile::fetch`].
     pub fn redirect(
         &mut self,
         positions: Strided,
@@ -62,7 +62,7 @@ impl Asset {
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count, a position that is not finite, an unknown tile or vertex; `Cancelled`;
-    /// `OutOfMemory`; those of [`crate::Results::fetch`]. The last good results are kept.
+    /// `OutOfMemory`; those of [`crate::Tile::fetch`]. The last good results are kept.
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
         let start = (self.clock)();
         request.check(&self.device, &self.mesh.info)?;

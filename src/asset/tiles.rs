@@ -15,22 +15,29 @@ use vrtm_core::report::{TileEstimate, TileInfo};
 use vrtm_core::settings::TileSettings;
 use vrtm_core::view::Strided;
 
-impl Asset {
-    /// Facts about a tile that need no solve. Builds its grid if a map or setting changed.
+/// One tile of an asset, to be set and prepared, as [`Asset::tile_mut`] gives it. Calls for a tile that the asset has
+/// not return `InvalidArgument`. [`crate::Tile`] reads its results.
+#[derive(Debug)]
+pub struct TileMut<'a> {
+    asset: &'a mut Asset,
+    index: usize,
+}
+
+impl TileMut<'_> {
+    /// Facts that need no solve. Builds the grid if a map or setting changed.
     ///
     /// # Errors
-    /// `InvalidArgument` if `tile` is out of range; this holds for every function that takes a tile.
-    pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
-        self.on_tile(tile, TileState::info)
+    /// `OutOfMemory`.
+    pub fn info(&mut self) -> Result<TileInfo> {
+        self.on_tile(TileState::info)
     }
 
-    /// Cells of the grid in u and v that a tile has with its present rigidity and settings. The tile is not prepared.
+    /// Cells of the grid in u and v that it has with its present rigidity and settings. The tile is not prepared.
     ///
     /// # Errors
-    /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
-    pub fn tile_grid(&mut self, tile: usize) -> Result<[u32; 2]> {
-        self.check_tile(tile)?;
-        let Asset { device, mesh, given, .. } = self;
+    /// `OutOfMemory`.
+    pub fn grid(&mut self) -> Result<[u32; 2]> {
+        let (Asset { device, mesh, given, .. }, tile) = self.checked()?;
         device.call(|| {
             device.team(|team| given.find_sizes(team, mesh, tile..tile + 1, device));
             Ok(())
@@ -38,22 +45,22 @@ impl Asset {
         Ok(given.maps[tile].grid_size().map(|cells| cells as u32))
     }
 
-    /// The memory for preparing and solving a tile with its present maps and settings. It counts the movable nodes,
+    /// The memory for preparing and solving it with its present maps and settings. It counts the movable nodes,
     /// which takes a small part of the time and memory of preparing the tile, and keeps nothing but the collars of its
     /// charts.
     ///
     /// # Errors
-    /// `InvalidArgument` if `tile` is out of range; `Unsupported` if the GPU's buffers are too small for the grid, with
-    /// the largest size that fits, as in all calls that prepare a tile.
-    pub fn tile_estimate(&mut self, tile: usize) -> Result<TileEstimate> {
-        self.on_tile(tile, TileState::estimate)
+    /// `Unsupported` if the GPU's buffers are too small for the grid, with the largest size that fits, as in all calls
+    /// that prepare a tile.
+    pub fn estimate(&mut self) -> Result<TileEstimate> {
+        self.on_tile(TileState::estimate)
     }
 
-    /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another
+    /// The tile, prepared with its present maps and settings, as bytes that [`TileMut::load`] takes on another
     /// machine.
     ///
     /// # Errors
-    /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
+    /// `OutOfMemory`.
     ///
     /// # Example
     /// ```
@@ -75,48 +82,48 @@ impl Asset {
     /// let prepared = || {
     ///     let mut asset = Asset::new(&device, &source)?;
     ///     let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
-    ///     asset.set_rigidity(tile, Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
+    ///     asset.tile_mut(tile).set_rigidity(Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
     ///     vrtm::Result::Ok((asset, tile))
     /// };
     /// let (mut asset, tile) = prepared()?;
-    /// let bytes = asset.save_tile(tile)?;
+    /// let bytes = asset.tile_mut(tile).save()?;
     /// asset.solve(Strided::from_slice(&pose), &SolveOptions::default())?;
     ///
     /// // In another process, or on another machine:
     /// let (mut other, tile) = prepared()?;
-    /// other.load_tile(tile, &bytes)?;
+    /// other.tile_mut(tile).load(&bytes)?;
     /// other.solve(Strided::from_slice(&pose), &SolveOptions::default())?;
-    /// assert_eq!(other.tile_report(tile)?.energy, asset.tile_report(tile)?.energy);
+    /// assert_eq!(other.tile(tile).report()?.energy, asset.tile(tile).report()?.energy);
     /// # Ok(())
     /// # }
     /// ```
     #[expect(clippy::disallowed_types, reason = "public: that of the standard library")]
-    pub fn save_tile(&mut self, tile: usize) -> Result<std::vec::Vec<u8>> {
-        let size = self.saved_tile_size(tile)?;
-        let mut bytes = self.device.call(|| Ok(zeroed(size)))?;
-        self.save_tile_to(tile, &mut bytes)?;
+    pub fn save(&mut self) -> Result<std::vec::Vec<u8>> {
+        let size = self.saved_size()?;
+        let mut bytes = self.asset.device.call(|| Ok(zeroed(size)))?;
+        self.save_to(&mut bytes)?;
         Ok(bytes.into())
     }
 
-    /// Bytes that [`Asset::save_tile_to`] writes. Prepares the tile if necessary.
+    /// Bytes that [`TileMut::save_to`] writes. Prepares the tile if necessary.
     ///
     /// # Errors
-    /// Those of [`Asset::save_tile`].
-    pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
-        self.on_tile(tile, TileState::saved_size)
+    /// Those of [`TileMut::save`].
+    pub fn saved_size(&mut self) -> Result<usize> {
+        self.on_tile(TileState::saved_size)
     }
 
-    /// Writes the bytes of [`Asset::save_tile`] to the start of `out`; returns their number.
+    /// Writes the bytes of [`TileMut::save`] to the start of `out`; returns their number.
     ///
     /// # Errors
-    /// `InvalidArgument` if `out` is too small; those of [`Asset::save_tile`].
-    pub fn save_tile_to(&mut self, tile: usize, out: &mut [u8]) -> Result<usize> {
-        let size = self.saved_tile_size(tile)?;
+    /// `InvalidArgument` if `out` is too small; those of [`TileMut::save`].
+    pub fn save_to(&mut self, out: &mut [u8]) -> Result<usize> {
+        let size = self.saved_size()?;
         let given = out.len();
         let out = out
             .get_mut(..size)
             .ok_or_else(|| Error::argument(format!("data: {given} bytes given, {size} needed")))?;
-        self.on_tile(tile, |state, call| state.save(call, out))?;
+        self.on_tile(|state, call| state.save(call, out))?;
         Ok(size)
     }
 
@@ -126,17 +133,90 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting;
     /// `OutOfMemory`. The tile is then unchanged.
-    pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
-        self.on_tile(tile, |state, call| state.load(call, data))
+    pub fn load(&mut self, data: &[u8]) -> Result<()> {
+        self.on_tile(|state, call| state.load(call, data))
     }
 
-    fn on_tile<R: Send>(
-        &mut self,
-        tile: usize,
-        f: impl FnOnce(&mut TileState, &Call) -> Result<R> + Send,
-    ) -> Result<R> {
-        self.check_tile(tile)?;
-        let Asset { device, mesh, given, tiles, .. } = self;
+    /// Sets its rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has
+    /// none, the rigidity of the vertices counts ([`Asset::set_vertex_rigidity`]); without that, too, the tile is the
+    /// identity.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a value that is not finite.
+    pub fn set_rigidity(&mut self, image: Option<ImageView>) -> Result<()> {
+        self.set_map("rigidity", Which::Rigidity, image)
+    }
+
+    /// Sets its warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile
+    /// has none, the mask of the vertices counts ([`Asset::set_vertex_mask`]); without that, too, all may move.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a value that is not finite.
+    pub fn set_mask(&mut self, image: Option<ImageView>) -> Result<()> {
+        self.set_map("mask", Which::Mask, image)
+    }
+
+    fn set_map(&mut self, name: &str, which: Which, image: Option<ImageView>) -> Result<()> {
+        let (asset, tile) = self.checked()?;
+        let map =
+            image.map(|image| asset.device.call(|| asset.map_of(name, which, tile, image))).transpose()?;
+        asset.given.set(asset.mesh.layers(tile), which, map);
+        Ok(())
+    }
+
+    /// Replaces a part of its rigidity map: `size` texels from the column and row `first`, in the image's memory
+    /// order. The image has the size and the format of the original map; its other texels are not read. A small part
+    /// takes far less time than setting the whole map.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if no map of this size and format was set, if the part is empty or not inside of it, or for a
+    /// value that is not finite.
+    pub fn update_rigidity(&mut self, image: ImageView, first: [u32; 2], size: [u32; 2]) -> Result<()> {
+        let (Asset { device, mesh, given, .. }, tile) = self.checked()?;
+        let texels = image.rect("rigidity", first, size)?;
+        let Values::Map(map) = &given.maps[tile].rigidity else {
+            return Err(Error::argument("rigidity: the tile has no map to update"));
+        };
+        let (shape, [width, height]) = (map.shape(), map.shape().0);
+        ensure!(
+            image.shape() == shape,
+            "rigidity: the map that was set has {width}x{height} texels of another format or size"
+        );
+        image.check_finite("rigidity", texels)?;
+        device.call(|| {
+            given.stroke(mesh.layers(tile), texels, |map| image.copy_to(map, texels));
+            Ok(())
+        })
+    }
+
+    /// Sets the settings, for all of its layers.
+    ///
+    /// # Errors
+    /// `InvalidArgument` naming the field.
+    pub fn set_settings(&mut self, settings: &TileSettings) -> Result<()> {
+        let (asset, tile) = self.checked()?;
+        settings.check()?;
+        for layer in asset.mesh.layers(tile) {
+            asset.given.maps[layer].settings = *settings;
+        }
+        Ok(())
+    }
+
+    /// Sets whether solves skip it, so that it keeps its result, or stays without one.
+    pub fn freeze(&mut self, frozen: bool) -> Result<()> {
+        let (asset, tile) = self.checked()?;
+        asset.given.frozen[tile] = frozen;
+        Ok(())
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> Result<TileSettings> {
+        self.asset.check_tile(self.index)?;
+        Ok(self.asset.given.maps[self.index].settings)
+    }
+
+    fn on_tile<R: Send>(&mut self, f: impl FnOnce(&mut TileState, &Call) -> Result<R> + Send) -> Result<R> {
+        let (Asset { device, mesh, given, tiles, .. }, tile) = self.checked()?;
         let sized =
             if given.maps[tile].settings.beyond().is_some() { 0..tiles.len() } else { tile..tile + 1 };
         device.call(|| {
@@ -147,63 +227,17 @@ impl Asset {
         })
     }
 
-    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has
-    /// none, the rigidity of the vertices counts ([`Asset::set_vertex_rigidity`]); without that, too, the tile is the
-    /// identity.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a value that is not finite.
-    pub fn set_rigidity(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.set_map("rigidity", Which::Rigidity, tile, image)
+    /// The asset, and the index of one of its tiles.
+    fn checked(&mut self) -> Result<(&mut Asset, usize)> {
+        self.asset.check_tile(self.index)?;
+        Ok((self.asset, self.index))
     }
+}
 
-    /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile
-    /// has none, the mask of the vertices counts ([`Asset::set_vertex_mask`]); without that, too, all may move.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a value that is not finite.
-    pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.set_map("mask", Which::Mask, tile, image)
-    }
-
-    fn set_map(&mut self, name: &str, which: Which, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.check_tile(tile)?;
-        let map =
-            image.map(|image| self.device.call(|| self.map_of(name, which, tile, image))).transpose()?;
-        self.given.set(self.mesh.layers(tile), which, map);
-        Ok(())
-    }
-
-    /// Replaces a part of a tile's rigidity map: `size` texels from the column and row `first`, in the image's memory
-    /// order. The image has the size and the format of the original map; its other texels are not read. A small part
-    /// takes far less time than setting the whole map.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if no map of this size and format was set, if the part is empty or not inside of it, or for a
-    /// value that is not finite.
-    pub fn update_rigidity(
-        &mut self,
-        tile: usize,
-        image: ImageView,
-        first: [u32; 2],
-        size: [u32; 2],
-    ) -> Result<()> {
-        self.check_tile(tile)?;
-        let texels = image.rect("rigidity", first, size)?;
-        let Values::Map(map) = &self.given.maps[tile].rigidity else {
-            return Err(Error::argument("rigidity: the tile has no map to update"));
-        };
-        let (shape, [width, height]) = (map.shape(), map.shape().0);
-        ensure!(
-            image.shape() == shape,
-            "rigidity: the map that was set has {width}x{height} texels of another format or size"
-        );
-        image.check_finite("rigidity", texels)?;
-        let Asset { device, mesh, given, .. } = self;
-        device.call(|| {
-            given.stroke(mesh.layers(tile), texels, |map| image.copy_to(map, texels));
-            Ok(())
-        })
+impl Asset {
+    /// The tile at `index`, to be set and prepared, counted as [`Asset::tile_count`] says.
+    pub fn tile_mut(&mut self, index: usize) -> TileMut<'_> {
+        TileMut { asset: self, index }
     }
 
     /// Copies the part of an image near the charts of all layers of a tile.
@@ -226,7 +260,7 @@ impl Asset {
     }
 
     /// Sets the rigidity of all vertices, linear over each triangle, for the tiles that have no map of their own
-    /// ([`Asset::set_rigidity`]), in whatever order both are set; `None` removes it.
+    /// ([`TileMut::set_rigidity`]), in whatever order both are set; `None` removes it.
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
@@ -235,7 +269,7 @@ impl Asset {
     }
 
     /// Sets the mask of all vertices, linear over each triangle, for the tiles that have no mask of their own
-    /// ([`Asset::set_mask`]), in whatever order both are set: nodes within half a cell of a value under 0.5 do not
+    /// ([`TileMut::set_mask`]), in whatever order both are set: nodes within half a cell of a value under 0.5 do not
     /// move; `None` removes it.
     ///
     /// # Errors
@@ -258,37 +292,5 @@ impl Asset {
         }
         self.given.set_of_vertices(which, copy);
         Ok(())
-    }
-
-    /// Sets the settings of a tile and of all of its layers.
-    ///
-    /// # Errors
-    /// `InvalidArgument` naming the field.
-    pub fn set_settings(&mut self, tile: usize, settings: &TileSettings) -> Result<()> {
-        self.check_tile(tile)?;
-        settings.check()?;
-        for layer in self.mesh.layers(tile) {
-            self.given.maps[layer].settings = *settings;
-        }
-        Ok(())
-    }
-
-    /// Sets whether solves skip a tile, so that it keeps its result, or stays without one.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `tile` is out of range.
-    pub fn freeze(&mut self, tile: usize, frozen: bool) -> Result<()> {
-        self.check_tile(tile)?;
-        self.given.frozen[tile] = frozen;
-        Ok(())
-    }
-
-    /// A tile's settings.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `tile` is out of range.
-    pub fn settings(&self, tile: usize) -> Result<TileSettings> {
-        self.check_tile(tile)?;
-        Ok(self.given.maps[tile].settings)
     }
 }

@@ -20,7 +20,7 @@ pub(crate) fn check(kind: FetchKind, image: &ExternalImage) -> Result<ExternalTe
     Err(Error::new(ErrorKind::Unsupported, message))
 }
 
-/// Writes a redirection of a result; see `Results::fetch_external`.
+/// Writes a redirection of a result; see `Tile::fetch_external`.
 pub(crate) fn write(
     device: &Device,
     solved: &Solved,

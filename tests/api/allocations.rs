@@ -48,7 +48,7 @@ fn a_frame_allocates_little() {
         let threads = NonZeroU32::new(threads);
         let settings = DeviceSettings { backend: Backend::Cpu, threads, allocator, ..Default::default() };
         let mut asset = sixteen_asset(&Device::new(&settings).unwrap(), 0.9).unwrap();
-        asset.set_rigidity(0, Some(view(&discs(256, 32), 256, 256))).unwrap();
+        asset.tile_mut(0).set_rigidity(Some(view(&discs(256, 32), 256, 256))).unwrap();
         set_grid(&mut asset, 256);
         let (rest, ..) = sixteen_charts(0.9);
         let [first, second] = [1.0, 0.9].map(|strength| bulged(&rest, strength));

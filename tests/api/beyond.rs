@@ -64,7 +64,7 @@ impl CutSheet {
             .collect();
         set_grid(&mut asset, size as u32);
         for tile in 0..asset.tile_count() {
-            asset.set_rigidity(tile, Some(view(&discs, size as u32, size as u32))).unwrap();
+            asset.tile_mut(tile).set_rigidity(Some(view(&discs, size as u32, size as u32))).unwrap();
         }
         if goes_on {
             set_borders(&mut asset, (Seams::Continue, OpenBorders::Slide));
@@ -83,8 +83,8 @@ fn collars_of_small_charts_are_bounded() {
     let device = cpu(2);
     for (charts, n) in [([40, 1], 4), ([24, 24], 1)] {
         let sheet = CutSheet::new(charts, n);
-        let [with, without] =
-            [true, false].map(|on| sheet.asset(&device, 512, on).tile_estimate(0).unwrap().movable_nodes);
+        let [with, without] = [true, false]
+            .map(|on| sheet.asset(&device, 512, on).tile_mut(0).estimate().unwrap().movable_nodes);
         assert!(with > without && with < 5 * without, "{charts:?}: {with} nodes, without collars {without}");
     }
 }
@@ -100,7 +100,7 @@ fn the_same_pose_again_costs_no_blend() {
         asset
             .run(&SolveRequest { positions, dirty_vertices: dirty, ..SolveRequest::default() }, &mut [])
             .unwrap();
-        (bits(&asset), asset.tile_report(0).unwrap())
+        (bits(&asset), asset.tile(0).report().unwrap())
     };
     let (found, report) = solve(&first, None);
     assert!(report.times.blend > 0.0 && report.charts_active == 2);
@@ -172,7 +172,7 @@ fn beside_a_still_chart_both_sides_stay_together() {
         255 * u8::from((x - 0.25).hypot(y - 0.5) < 0.12)
     };
     let disc: Vec<u8> = (0..size * size).map(disc).collect();
-    asset.set_rigidity(0, Some(view(&disc, size as u32, size as u32))).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(view(&disc, size as u32, size as u32))).unwrap();
     change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [2.0 * x, y, z]).collect();
     asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
@@ -183,7 +183,7 @@ fn beside_a_still_chart_both_sides_stay_together() {
         at_line.map(|(own, uv)| (uv[0] - own[0]).abs().max((uv[1] - own[1]).abs())).fold(0.0, f32::max)
             * size as f32
     };
-    let report = asset.tile_report(0).unwrap();
+    let report = asset.tile(0).report().unwrap();
     assert_eq!(report.charts_active, 1, "the other chart is still");
     let [inside, left, right] = [0.025 + 0.45 * 0.75, 0.475, 0.525].map(most);
     assert!(right == 0.0 && left < 0.05 && inside > 1.0, "{inside}, at the seam {left} and {right} cells");
@@ -223,8 +223,8 @@ fn the_mask_of_a_neighbour_holds_in_collars() {
     let nodes = |goes_on: bool, masked: bool| {
         let mut asset = sheet.asset(&cpu(1), 64, goes_on);
         let fixed = masked.then(|| view(&[0u8; 4], 2, 2));
-        asset.set_mask(1, fixed).unwrap();
-        asset.tile_info(0).unwrap().movable_nodes
+        asset.tile_mut(1).set_mask(fixed).unwrap();
+        asset.tile_mut(0).info().unwrap().movable_nodes
     };
     let [alone, masked, free] =
         [(false, false), (true, true), (true, false)].map(|(on, mask)| nodes(on, mask));
@@ -269,7 +269,7 @@ fn beside_a_slit_both_sides_stay_together() {
         255 * u8::from(near && (chart == 0) == (x < 0.0))
     };
     let discs: Vec<u8> = (0..SIZE * SIZE).map(disc).collect();
-    asset.set_rigidity(0, Some(view(&discs, SIZE as u32, SIZE as u32))).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(view(&discs, SIZE as u32, SIZE as u32))).unwrap();
     change(&mut asset, 0, |settings| settings.open_borders = OpenBorders::Fixed);
     let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [1.6 * x, y, 1.6 * z]).collect();
     asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();

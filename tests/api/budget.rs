@@ -38,7 +38,7 @@ fn no_frame_of_a_motion_is_the_identity() {
                     let pose = pose(&model, 0.5 + 0.05 * frame as f32);
                     let options = SolveOptions { solver, warm, ..with_budget(ms) };
                     asset.solve(Strided::from_slice(&pose), &options).unwrap();
-                    let report = asset.tile_report(0).unwrap();
+                    let report = asset.tile(0).report().unwrap();
                     let what = format!("{solver:?}, warm: {warm}, {ms} ms, frame {frame}: {report:?}");
                     assert!(report.max_displacement > 0.0, "{what}");
                     if solver == Solver::Descent {
@@ -58,7 +58,7 @@ fn a_tile_without_time_keeps_its_last_result_and_says_so() {
     let model = Model::from(scenes::by_name("arm").unwrap());
     let mut asset = model.asset(2, 64);
     let tile_bits = |asset: &Asset, tile| asset.displacements(tile).unwrap().to_vec();
-    let reports = |asset: &Asset| [0, 1].map(|tile| asset.tile_report(tile).unwrap());
+    let reports = |asset: &Asset| [0, 1].map(|tile| asset.tile(tile).report().unwrap());
     // Without a result to keep, all tiles are solved.
     asset.solve(model.frame(1), &with_budget(0)).unwrap();
     assert_eq!(reports(&asset).map(|report| report.kept), [false; 2]);

@@ -73,7 +73,7 @@ fn cancel_everywhere(model: &Model, points: u64, make: impl Fn() -> Asset) -> us
             assert_eq!(error.kind, ErrorKind::Cancelled);
             assert!(control.is_cancelled());
             assert!(bits(&asset) == first, "{options:?}: {k} of {points}");
-            assert!(!asset.tile_report(0).unwrap().kept);
+            assert!(!asset.tile(0).report().unwrap().kept);
             cancelled += 1;
             asset.solve(model.frame(2), &options).unwrap();
             assert!(bits(&asset) == second, "{options:?}: after {k} of {points}");
@@ -202,7 +202,7 @@ fn read_while_solving(device: &Device, grid: u32) {
             let which = maps.iter().position(|map| *map == read).expect("a map of one of the frames, whole");
             seen[which] += 1;
             results.corner_uvs(&mut vec![[0.0; 2]; corners]).unwrap();
-            assert_eq!(results.tile_report(0).unwrap().folds, 0);
+            assert_eq!(results.tile(0).report().unwrap().folds, 0);
             results.report().unwrap();
             reads.fetch_add(1, Ordering::Relaxed);
         }
@@ -236,11 +236,11 @@ fn results_are_there_as_long_as_someone_holds_them() {
     let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
     let mut asset = model.asset(1, 64);
     let results = asset.results().clone();
-    assert_eq!(results.tile_report(0).unwrap_err().kind, ErrorKind::NotSolved);
+    assert_eq!(results.tile(0).report().unwrap_err().kind, ErrorKind::NotSolved);
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-    let report = asset.tile_report(0).unwrap();
+    let report = asset.tile(0).report().unwrap();
     drop(asset);
-    assert_eq!(results.tile_report(0).unwrap(), report);
+    assert_eq!(results.tile(0).report().unwrap(), report);
 }
 
 /// A host's threads of many kinds.
@@ -348,7 +348,7 @@ fn a_number_of_threads_per_solve() {
     for threads in [1, 2, 7] {
         let threads = std::num::NonZeroU32::new(threads);
         let request = SolveRequest { positions: model.frame(1), threads, ..SolveRequest::default() };
-        asset.set_rigidity(0, None).unwrap();
+        asset.tile_mut(0).set_rigidity(None).unwrap();
         asset = model.asset(1, 128);
         asset.run(&request, &mut []).unwrap();
         all.push(bits(&asset));

@@ -114,10 +114,10 @@ impl Given {
         asset.set_vertex_rigidity(self.of_vertices[0].as_deref().map(Strided::from_slice)).unwrap();
         asset.set_vertex_mask(self.of_vertices[1].as_deref().map(Strided::from_slice)).unwrap();
         for tile in 0..TILES {
-            asset.set_settings(tile, &self.settings[tile]).unwrap();
-            asset.set_rigidity(tile, self.rigidity[tile].as_deref().map(image)).unwrap();
-            asset.set_mask(tile, self.mask[tile].as_deref().map(image)).unwrap();
-            asset.freeze(tile, self.frozen[tile]).unwrap();
+            asset.tile_mut(tile).set_settings(&self.settings[tile]).unwrap();
+            asset.tile_mut(tile).set_rigidity(self.rigidity[tile].as_deref().map(image)).unwrap();
+            asset.tile_mut(tile).set_mask(self.mask[tile].as_deref().map(image)).unwrap();
+            asset.tile_mut(tile).freeze(self.frozen[tile]).unwrap();
         }
         asset
     }
@@ -129,14 +129,14 @@ impl Given {
         match what {
             0 | 1 => {
                 self.rigidity[tile] = random.chance(92).then(|| painted(random));
-                asset.set_rigidity(tile, self.rigidity[tile].as_deref().map(image)).unwrap();
+                asset.tile_mut(tile).set_rigidity(self.rigidity[tile].as_deref().map(image)).unwrap();
                 format!("rigidity of {tile}: {}", self.rigidity[tile].is_some())
             }
             2 => {
                 let edge = random.below(SIZE);
                 let left = |k: usize| if k % SIZE < edge { 0 } else { 255 };
                 self.mask[tile] = random.chance(60).then(|| (0..SIZE * SIZE).map(left).collect());
-                asset.set_mask(tile, self.mask[tile].as_deref().map(image)).unwrap();
+                asset.tile_mut(tile).set_mask(self.mask[tile].as_deref().map(image)).unwrap();
                 format!("mask of {tile}: {edge}")
             }
             3 => {
@@ -167,22 +167,22 @@ impl Given {
                     settings.seams == Seams::Continue || settings.open_borders == OpenBorders::Slide;
                 settings.orientation_density = if !goes_on && random.chance(15) { 0.5 } else { 0.0 };
                 settings.smoothness_floor = if random.chance(85) { 5e-4 } else { 2e-3 };
-                asset.set_settings(tile, settings).unwrap();
+                asset.tile_mut(tile).set_settings(settings).unwrap();
                 format!("{tile}: {settings:?}")
             }
             9 => {
                 self.frozen[tile] = random.chance(30);
-                asset.freeze(tile, self.frozen[tile]).unwrap();
+                asset.tile_mut(tile).freeze(self.frozen[tile]).unwrap();
                 format!("{tile} is frozen: {}", self.frozen[tile])
             }
             10 => {
-                let bytes = asset.save_tile(tile).unwrap();
-                asset.load_tile(tile, &bytes).unwrap();
+                let bytes = asset.tile_mut(tile).save().unwrap();
+                asset.tile_mut(tile).load(&bytes).unwrap();
                 format!("{tile} is loaded")
             }
             11 => {
-                asset.tile_estimate(tile).unwrap();
-                asset.tile_info(tile).unwrap();
+                asset.tile_mut(tile).estimate().unwrap();
+                asset.tile_mut(tile).info().unwrap();
                 format!("{tile} is looked at")
             }
             _ => {
@@ -204,7 +204,10 @@ impl Given {
         for y in first[1]..first[1] + size[1] {
             texels[y * SIZE + first[0]..][..size[0]].fill(value);
         }
-        asset.update_rigidity(tile, image(texels), first.map(|x| x as u32), size.map(|n| n as u32)).unwrap();
+        asset
+            .tile_mut(tile)
+            .update_rigidity(image(texels), first.map(|x| x as u32), size.map(|n| n as u32))
+            .unwrap();
     }
 }
 
@@ -213,7 +216,7 @@ type Seen = (Vec<[u32; 2]>, Vec<[u32; 2]>, [f64; 3], [u32; 7]);
 
 /// All that a host sees of a tile's result, but for what it cost.
 fn seen(asset: &mut Asset, tile: usize) -> Seen {
-    let report = asset.tile_report(tile).unwrap();
+    let report = asset.tile(tile).report().unwrap();
     let [nx, ny] = report.grid;
     let warp = fetch(asset, tile, FetchKind::Warp, [nx + 1, ny + 1]);
     let map = fetch(asset, tile, FetchKind::RedirectionUdim, [40, 40]);
@@ -298,7 +301,7 @@ fn history(model: &Model, seed: u64, steps: usize) -> Counts {
         fresh.run(&SolveRequest { dirty_vertices: None, ..request }, &mut []).unwrap();
         for tile in (0..TILES).filter(|&tile| asked(tile)) {
             poses[tile] = Some(pose);
-            let report = asset.tile_report(tile).unwrap();
+            let report = asset.tile(tile).report().unwrap();
             let result = seen(&mut asset, tile);
             counts.compared += 1;
             counts.moved += u32::from(result.2[2] > 0.0);
@@ -309,7 +312,7 @@ fn history(model: &Model, seed: u64, steps: usize) -> Counts {
             // The bytes of a tile are all that is prepared of it.
             assert!(
                 result == seen(&mut fresh, tile)
-                    && asset.save_tile(tile).unwrap() == fresh.save_tile(tile).unwrap(),
+                    && asset.tile_mut(tile).save().unwrap() == fresh.tile_mut(tile).save().unwrap(),
                 "seed {seed}: tile {tile} differs from that of a fresh asset:\n{}",
                 past.join("\n")
             );

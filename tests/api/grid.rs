@@ -22,8 +22,8 @@ fn sheet(device: &Device) -> Asset {
 
 fn cells_of(asset: &mut Asset, side: usize, diameter: f64) -> u32 {
     let image = discs(side, diameter);
-    asset.set_rigidity(0, Some(view(&image, side as u32, side as u32))).unwrap();
-    let [width, height] = asset.tile_grid(0).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(view(&image, side as u32, side as u32))).unwrap();
+    let [width, height] = asset.tile_mut(0).grid().unwrap();
     assert_eq!(width, height);
     width
 }
@@ -40,7 +40,7 @@ fn the_grid_follows_the_features_and_not_the_image() {
     // No finer than the image, or than 256.
     assert_eq!(cells_of(&mut asset, 700, 0.022), 768);
     assert_eq!(cells_of(&mut asset, 128, 0.022), 256);
-    assert_eq!(asset.tile_info(0).unwrap().grid, [256; 2]);
+    assert_eq!(asset.tile_mut(0).info().unwrap().grid, [256; 2]);
 }
 
 #[test]
@@ -49,8 +49,8 @@ fn a_few_narrow_features_do_not_decide() {
     let mut image = discs(side, 0.09);
     let mut asset = sheet(&cpu(1));
     let cells = |asset: &mut Asset, image: &[u8]| {
-        asset.set_rigidity(0, Some(view(image, side as u32, side as u32))).unwrap();
-        asset.tile_grid(0).unwrap()[0]
+        asset.tile_mut(0).set_rigidity(Some(view(image, side as u32, side as u32))).unwrap();
+        asset.tile_mut(0).grid().unwrap()[0]
     };
     // A line of one texel is under a twentieth of the rigid texels, thirty are not.
     image[64 * side..][..side].fill(255);
@@ -71,14 +71,17 @@ fn a_few_narrow_features_do_not_decide() {
 fn charts_are_features_where_all_is_rigid() {
     let mut asset = sixteen_asset(&cpu(1), 0.81).unwrap();
     for side in [1, 64, 2048] {
-        asset.set_rigidity(0, Some(view(&vec![200; side * side], side as u32, side as u32))).unwrap();
-        assert_eq!(asset.tile_grid(0).unwrap(), [96; 2], "{side} texels");
+        asset
+            .tile_mut(0)
+            .set_rigidity(Some(view(&vec![200; side * side], side as u32, side as u32)))
+            .unwrap();
+        assert_eq!(asset.tile_mut(0).grid().unwrap(), [96; 2], "{side} texels");
     }
-    asset.set_rigidity(0, None).unwrap();
-    assert_eq!(asset.tile_grid(0).unwrap(), [16; 2], "nothing can move");
+    asset.tile_mut(0).set_rigidity(None).unwrap();
+    assert_eq!(asset.tile_mut(0).grid().unwrap(), [16; 2], "nothing can move");
     let values = vec![0.3; sixteen_charts(0.81).0.len()];
     asset.set_vertex_rigidity(Some(Strided::from_slice(&values))).unwrap();
-    assert_eq!(asset.tile_grid(0).unwrap(), [96; 2]);
+    assert_eq!(asset.tile_mut(0).grid().unwrap(), [96; 2]);
 }
 
 #[test]
@@ -87,9 +90,9 @@ fn a_size_that_is_set_is_obeyed_and_compared() {
     let mut asset = sheet(&device);
     assert_eq!(cells_of(&mut asset, 1024, 0.045), 512);
     let mut said = |grid: [Option<u32>; 2]| {
-        asset.set_settings(0, &TileSettings { grid, ..TileSettings::default() }).unwrap();
+        asset.tile_mut(0).set_settings(&TileSettings { grid, ..TileSettings::default() }).unwrap();
         log.take();
-        let info = asset.tile_info(0).unwrap();
+        let info = asset.tile_mut(0).info().unwrap();
         assert_eq!(info.grid, grid.map(|cells| cells.unwrap_or(512)));
         let of_size = |line: &Line| matches!(line.code, LogCode::GridTooCoarse | LogCode::GridTooFine);
         let lines = log.take().into_iter().filter(of_size);
@@ -110,7 +113,7 @@ fn a_memory_budget_bounds_the_grid() {
         DeviceSettings { backend: Backend::Cpu, memory_budget: Some(budget), ..DeviceSettings::default() };
     let mut asset = sheet(&Device::new(&settings).unwrap());
     assert_eq!(cells_of(&mut asset, 1024, 0.022), 384);
-    assert!(asset.tile_estimate(0).unwrap().solving_bytes < budget);
+    assert!(asset.tile_mut(0).estimate().unwrap().solving_bytes < budget);
     let model = analytic().into_iter().find(|model| model.name == "squash").unwrap();
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
 }
@@ -127,7 +130,7 @@ fn features_keep_their_shape_on_the_grid_that_is_chosen() {
         let asset = model.solved(&cpu(0), grid, 1, &options(Quality::Normal));
         let features = at_texels(&model, &model.frames[0], &asset);
         let mean = features.iter().map(|feature| feature.after).sum::<f64>() / features.len() as f64;
-        (asset.tile_report(0).unwrap().grid[0], mean)
+        (asset.tile(0).report().unwrap().grid[0], mean)
     };
     let ((chosen, of_chosen), (_, of_image)) = (strain(0), strain(side));
     assert_eq!(chosen, 384);

@@ -40,7 +40,7 @@ fn lines_about_a_mesh_have_its_numbers() {
     };
     let (device, lines) = listened();
     let mut asset = make(&device, &rest);
-    let (info, tile) = (asset.info(), asset.tile_info(0).unwrap());
+    let (info, tile) = (asset.info(), asset.tile_mut(0).info().unwrap());
     let said_of_it = said(&lines);
     let mesh = [
         info.vertices,
@@ -100,7 +100,7 @@ fn overlaps_have_their_share() {
     )
     .unwrap();
     asset.set_vertex_rigidity(Some(Strided::from_slice(&[1.0; 6]))).unwrap();
-    let info = asset.tile_info(0).unwrap();
+    let info = asset.tile_mut(0).info().unwrap();
     let lines = said(&lines);
     let values =
         |code| lines.iter().find(|line| line.0 == code).map(|(_, udim, values)| (*udim, values.clone()));

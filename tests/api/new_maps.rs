@@ -43,7 +43,8 @@ impl Texels {
         };
         let layout = ImageLayout::packed(self.size as u32, self.size as u32, self.format);
         let image = Some(ImageView::new("rigidity", &bytes, layout).unwrap());
-        if mask { asset.set_mask(tile, image) } else { asset.set_rigidity(tile, image) }.unwrap();
+        if mask { asset.tile_mut(tile).set_mask(image) } else { asset.tile_mut(tile).set_rigidity(image) }
+            .unwrap();
     }
 }
 
@@ -60,7 +61,7 @@ impl Case {
         let free: Vec<f32> = (0..model.rest.len()).map(|v| if v % 9 == 4 { 0.0 } else { 1.0 }).collect();
         asset.set_vertex_mask(self.vertex_mask.then(|| Strided::from_slice(&free))).unwrap();
         for tile in 0..TILES {
-            asset.set_settings(tile, &self.settings).unwrap();
+            asset.tile_mut(tile).set_settings(&self.settings).unwrap();
             if let Some(mask) = &self.mask {
                 mask.set(&mut asset, tile, true);
             }
@@ -71,7 +72,9 @@ impl Case {
 
 /// All that a prepared asset is: the tiles' bytes, and facts about them.
 fn prepared(asset: &mut Asset) -> Vec<(Vec<u8>, vrtm::TileInfo)> {
-    (0..TILES).map(|tile| (asset.save_tile(tile).unwrap(), asset.tile_info(tile).unwrap())).collect()
+    (0..TILES)
+        .map(|tile| (asset.tile_mut(tile).save().unwrap(), asset.tile_mut(tile).info().unwrap()))
+        .collect()
 }
 
 fn solved(asset: &mut Asset, model: &Model) -> Vec<[u32; 2]> {
@@ -184,7 +187,7 @@ fn it_does_where_a_chart_gains_or_loses_its_rigidity() {
             &set(0.4, [9, 5]),
             &set(0.4, [12, 7]),
             &set(1.0, [12, 7]),
-            &|asset: &mut Asset| (0..TILES).for_each(|tile| asset.set_rigidity(tile, None).unwrap()),
+            &|asset: &mut Asset| (0..TILES).for_each(|tile| asset.tile_mut(tile).set_rigidity(None).unwrap()),
         ];
         // A collar of the second chart shows the rigidity of the first one.
         let shows = seams == Seams::Continue;
@@ -237,6 +240,6 @@ fn charts_that_a_new_map_does_not_change_are_not_solved_again() {
     }
     texels.set(&mut asset, 0, false);
     solved(&mut asset, &model);
-    let report = asset.tile_report(0).unwrap();
+    let report = asset.tile(0).report().unwrap();
     assert!(report.charts_active == 1 && report.charts_reused >= 1, "{report:?}");
 }

@@ -61,7 +61,7 @@ fn counted<R>(f: impl FnOnce() -> R) -> (u64, u64, R) {
 fn sixteen(device: &Device, size: u32, share: f64) -> Asset {
     let mut asset = sixteen_asset(device, share).unwrap();
     let texels = discs(size as usize, 32);
-    asset.set_rigidity(0, Some(view(&texels, size, size))).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(view(&texels, size, size))).unwrap();
     vrtm_testkit::set_grid(&mut asset, size);
     asset
 }
@@ -73,11 +73,11 @@ fn preparing_takes_little_more_than_what_stays() {
         let device = counting(None);
         let mut asset = sixteen_asset(&device, share).unwrap();
         let texels = discs(size as usize, 32);
-        let (_, before, set) = counted(|| asset.set_rigidity(0, Some(view(&texels, size, size))));
+        let (_, before, set) = counted(|| asset.tile_mut(0).set_rigidity(Some(view(&texels, size, size))));
         set.unwrap();
         vrtm_testkit::set_grid(&mut asset, size);
-        let estimate = asset.tile_estimate(0).unwrap();
-        let (peak, live, info) = counted(|| asset.tile_info(0).unwrap());
+        let estimate = asset.tile_mut(0).estimate().unwrap();
+        let (peak, live, info) = counted(|| asset.tile_mut(0).info().unwrap());
         let ratio = (before + peak) as f64 / (before + live) as f64;
         println!(
             "{size}², {share}: {} nodes, {:.1} bytes per node, peak {ratio:.3} of what stays; {estimate:?}",
@@ -111,7 +111,7 @@ fn what_lies_beyond_borders_is_estimated() {
     for (charts, size) in [([2, 1], 512), ([4, 4], 512)] {
         let sheet = CutSheet::new(charts, 64 / charts[0]);
         let mut asset = sheet.asset(&counting(None), size, true);
-        let (_, collars, estimate) = counted(|| asset.tile_estimate(0).unwrap());
+        let (_, collars, estimate) = counted(|| asset.tile_mut(0).estimate().unwrap());
         let pose = sheet.pose(0.3);
         let (peak, _, solved) = counted(|| asset.solve(Strided::from_slice(&pose), &options(Quality::Draft)));
         solved.unwrap();
@@ -153,7 +153,7 @@ fn measuring_is_booked() {
     let sheet = CutSheet::new([2, 1], 8);
     let pose = sheet.pose(0.3);
     let (size, measured) = (512, SolveOptions { measure: true, ..options(Quality::Draft) });
-    let bytes = sheet.asset(&counting(None), size, false).tile_estimate(0).unwrap().solving_bytes;
+    let bytes = sheet.asset(&counting(None), size, false).tile_mut(0).estimate().unwrap().solving_bytes;
     let solve = |budget, options: &SolveOptions| {
         let device = counting(Some(budget));
         let mut asset = sheet.asset(&device, size, false);
@@ -172,16 +172,16 @@ fn measuring_is_booked() {
 #[test]
 fn memory_is_refused_before_it_is_taken() {
     let _alone = alone();
-    let needed = sixteen(&cpu(0), 2048, 0.25).tile_estimate(0).unwrap();
+    let needed = sixteen(&cpu(0), 2048, 0.25).tile_mut(0).estimate().unwrap();
     let budget = |bytes| counting(Some(bytes));
     let mut asset = sixteen(&budget(needed.prepared_bytes / 2), 2048, 0.25);
-    let (peak, live, info) = counted(|| asset.tile_info(0));
+    let (peak, live, info) = counted(|| asset.tile_mut(0).info());
     assert_eq!(info.unwrap_err().kind, ErrorKind::OutOfMemory);
     assert!(peak < needed.prepared_bytes / 10, "{peak} of {} bytes", needed.prepared_bytes);
     assert_eq!(live, 0);
     // Enough for the grid, but not for a solve.
     let mut asset = sixteen(&budget(needed.prepared_bytes * 3 / 2), 2048, 0.25);
-    asset.tile_info(0).unwrap();
+    asset.tile_mut(0).info().unwrap();
     let (positions, ..) = sixteen_charts(0.25);
     let (peak, _, solved) =
         counted(|| asset.solve(Strided::from_slice(&positions), &options(Quality::Draft)));
@@ -201,19 +201,19 @@ fn rigid_texels_that_cannot_move_are_told() {
     let said = || log.take().into_iter().map(|line| line.code).collect::<Vec<_>>();
     let warned = || said().contains(&LogCode::NothingMoves);
     let mut asset = sixteen(&device, 256, 0.5);
-    let free = asset.tile_info(0).unwrap();
+    let free = asset.tile_mut(0).info().unwrap();
     // Discs at the charts' borders are cut by them.
     assert!(free.fixed > 0.0 && free.fixed < 0.5, "{}", free.fixed);
     let codes = said();
     assert!(codes.contains(&LogCode::Grid) && !codes.contains(&LogCode::NothingMoves), "{codes:?}");
     // Half of the tile is masked, then all of it.
     let half: Vec<u8> = (0..256 * 256).map(|k| if k % 256 < 128 { 0 } else { 255 }).collect();
-    asset.set_mask(0, Some(view(&half, 256, 256))).unwrap();
-    let masked = asset.tile_info(0).unwrap();
+    asset.tile_mut(0).set_mask(Some(view(&half, 256, 256))).unwrap();
+    let masked = asset.tile_mut(0).info().unwrap();
     assert!((masked.fixed - (0.5 + 0.5 * free.fixed)).abs() < 0.05, "{} {}", masked.fixed, free.fixed);
     assert!(!warned());
-    asset.set_mask(0, Some(view(&vec![0; 256 * 256], 256, 256))).unwrap();
-    let fixed = asset.tile_info(0).unwrap();
+    asset.tile_mut(0).set_mask(Some(view(&vec![0; 256 * 256], 256, 256))).unwrap();
+    let fixed = asset.tile_mut(0).info().unwrap();
     assert_eq!((fixed.fixed, fixed.movable_nodes), (1.0, 0));
     assert!(warned());
 }
@@ -239,8 +239,8 @@ fn all_memory_goes_back_with_the_asset() {
 /// Everything of an asset's result that a host can see, but for times.
 fn seen(asset: &mut Asset, pose: &[[f32; 3]]) -> (Vec<[u32; 2]>, [f64; 4], [u64; 4], [u32; 3]) {
     asset.solve(Strided::from_slice(pose), &options(Quality::Normal)).unwrap();
-    let report = asset.tile_report(0).unwrap();
-    let info = asset.tile_info(0).unwrap();
+    let report = asset.tile(0).report().unwrap();
+    let info = asset.tile_mut(0).info().unwrap();
     let warp = fetch(asset, 0, FetchKind::Warp, report.grid.map(|n| n + 1));
     (
         warp.iter().map(|uv| uv.map(f32::to_bits)).collect(),
@@ -259,10 +259,13 @@ fn strokes(device: &Device, sizes: &[([u32; 2], [u32; 2])], rounds: u32, format:
         let make = |values: &[f32]| {
             let mut asset = sixteen(device, 64, 0.6);
             let settings = TileSettings { grid: grid.map(Some), ..TileSettings::default() };
-            asset.set_settings(0, &settings).unwrap();
+            asset.tile_mut(0).set_settings(&settings).unwrap();
             let bytes = encoded(values, format);
             let layout = ImageLayout::packed(map[0], map[1], format);
-            asset.set_rigidity(0, Some(ImageView::new("rigidity", &bytes, layout).unwrap())).unwrap();
+            asset
+                .tile_mut(0)
+                .set_rigidity(Some(ImageView::new("rigidity", &bytes, layout).unwrap()))
+                .unwrap();
             asset
         };
         let mut values = vec![0.0f32; (map[0] * map[1]) as usize];
@@ -293,7 +296,7 @@ fn strokes(device: &Device, sizes: &[([u32; 2], [u32; 2])], rounds: u32, format:
             let bytes = encoded(&values, format);
             let image =
                 ImageView::new("rigidity", &bytes, ImageLayout::packed(map[0], map[1], format)).unwrap();
-            asset.update_rigidity(0, image, at, size).unwrap();
+            asset.tile_mut(0).update_rigidity(image, at, size).unwrap();
             let (stroked, fresh) = (seen(&mut asset, &pose), seen(&mut make(&values), &pose));
             assert!(
                 stroked == fresh,
@@ -338,7 +341,7 @@ fn a_stroke_takes_a_small_part_of_preparing() {
     for round in 0..3 {
         let mut asset = sixteen(&device, size as u32, 1.0);
         let start = Instant::now();
-        asset.tile_info(0).unwrap();
+        asset.tile_mut(0).info().unwrap();
         preparing = preparing.min(start.elapsed());
         let at = [700 + 40 * round, 600];
         for y in at[1]..at[1] + 10 {
@@ -346,8 +349,8 @@ fn a_stroke_takes_a_small_part_of_preparing() {
         }
         let start = Instant::now();
         let image = view(&texels, size as u32, size as u32);
-        asset.update_rigidity(0, image, at.map(|x| x as u32), [10, 10]).unwrap();
-        asset.tile_info(0).unwrap();
+        asset.tile_mut(0).update_rigidity(image, at.map(|x| x as u32), [10, 10]).unwrap();
+        asset.tile_mut(0).info().unwrap();
         stroking = stroking.min(start.elapsed());
     }
     let share = stroking.as_secs_f64() / preparing.as_secs_f64();
@@ -383,13 +386,13 @@ fn what_is_painted_beside_charts_has_no_effect() {
     for grid in [16, 48, 512] {
         let [mut a, mut b] = [&clean, &painted].map(|texels| {
             let mut asset = sixteen_asset(&device, 0.1).unwrap();
-            asset.set_rigidity(0, Some(view(texels, n as u32, n as u32))).unwrap();
+            asset.tile_mut(0).set_rigidity(Some(view(texels, n as u32, n as u32))).unwrap();
             vrtm_testkit::set_grid(&mut asset, grid);
             asset
         });
         assert!(seen(&mut a, &pose) == seen(&mut b, &pose), "{grid}");
     }
-    let held = |share| sixteen(&cpu(1), 1024, share).tile_estimate(0).unwrap();
+    let held = |share| sixteen(&cpu(1), 1024, share).tile_mut(0).estimate().unwrap();
     let (sparse, full) = (held(0.02), held(1.0));
     // Sixteen small charts with their surroundings.
     assert!(full.prepared_bytes > 4 * sparse.prepared_bytes, "{sparse:?} {full:?}");
@@ -403,7 +406,7 @@ fn a_stroke_needs_a_map_of_its_shape() {
     let image = |width, height, format| {
         ImageView::new("rigidity", &bytes, ImageLayout::packed(width, height, format)).unwrap()
     };
-    let mut message = |view, at, size| asset.update_rigidity(0, view, at, size).unwrap_err().message;
+    let mut message = |view, at, size| asset.tile_mut(0).update_rigidity(view, at, size).unwrap_err().message;
     for (view, at, size) in [
         (image(32, 64, PixelFormat::U8), [0, 0], [4, 4]),
         (image(64, 64, PixelFormat::F32), [0, 0], [4, 4]),
@@ -414,7 +417,11 @@ fn a_stroke_needs_a_map_of_its_shape() {
         let text = message(view, at, size);
         assert!(text.starts_with("rigidity: "), "{text}");
     }
-    asset.set_rigidity(0, None).unwrap();
-    let text = asset.update_rigidity(0, image(64, 64, PixelFormat::U8), [0, 0], [4, 4]).unwrap_err().message;
+    asset.tile_mut(0).set_rigidity(None).unwrap();
+    let text = asset
+        .tile_mut(0)
+        .update_rigidity(image(64, 64, PixelFormat::U8), [0, 0], [4, 4])
+        .unwrap_err()
+        .message;
     assert!(text.contains("no map"), "{text}");
 }

@@ -13,7 +13,7 @@ fn warps(asset: &mut Asset, model: &Model) -> Vec<[u32; 2]> {
     asset.solve(model.frame(model.frames.len()), &options(Quality::Normal)).unwrap();
     (0..asset.tile_count())
         .flat_map(|tile| {
-            let grid = asset.tile_report(tile).unwrap().grid;
+            let grid = asset.tile(tile).report().unwrap().grid;
             fetch(asset, tile, FetchKind::Warp, grid.map(|n| n + 1))
         })
         .map(|uv| uv.map(f32::to_bits))
@@ -24,12 +24,13 @@ fn same_results(device: &Device, grid: u32) {
     for name in ["bulge", "creature", "arm"] {
         let model = model(name);
         let mut saved = model.asset_on(device, grid);
-        let bytes: Vec<_> = (0..saved.tile_count()).map(|tile| saved.save_tile(tile).unwrap()).collect();
+        let bytes: Vec<_> =
+            (0..saved.tile_count()).map(|tile| saved.tile_mut(tile).save().unwrap()).collect();
         let mut loaded = model.asset_on(device, grid);
         for (tile, bytes) in bytes.iter().enumerate() {
-            loaded.load_tile(tile, bytes).unwrap();
-            assert_eq!(loaded.tile_info(tile).unwrap(), saved.tile_info(tile).unwrap(), "{name}");
-            assert_eq!(&loaded.save_tile(tile).unwrap(), bytes, "{name}");
+            loaded.tile_mut(tile).load(bytes).unwrap();
+            assert_eq!(loaded.tile_mut(tile).info().unwrap(), saved.tile_mut(tile).info().unwrap(), "{name}");
+            assert_eq!(&loaded.tile_mut(tile).save().unwrap(), bytes, "{name}");
         }
         assert!(warps(&mut loaded, &model) == warps(&mut saved, &model), "{name}");
         assert_eq!(loaded.device().info().bytes_held, saved.device().info().bytes_held);
@@ -47,11 +48,11 @@ fn a_tile_with_density_is_saved_whole() {
     let settings = TileSettings { grid: [Some(96); 2], orientation_density: 1.0, ..TileSettings::default() };
     let make = || {
         let mut asset = model.asset(0, 96);
-        asset.set_settings(0, &settings).unwrap();
+        asset.tile_mut(0).set_settings(&settings).unwrap();
         asset
     };
     let (mut saved, mut loaded) = (make(), make());
-    loaded.load_tile(0, &saved.save_tile(0).unwrap()).unwrap();
+    loaded.tile_mut(0).load(&saved.tile_mut(0).save().unwrap()).unwrap();
     assert!(warps(&mut loaded, &model) == warps(&mut saved, &model));
 }
 
@@ -59,9 +60,9 @@ fn a_tile_with_density_is_saved_whole() {
 fn other_meshes_maps_and_settings_are_refused() {
     let model = model("bulge");
     let mut asset = model.asset(1, 64);
-    let bytes = asset.save_tile(0).unwrap();
+    let bytes = asset.tile_mut(0).save().unwrap();
     let refused = |asset: &mut Asset| {
-        let error = asset.load_tile(0, &bytes).unwrap_err();
+        let error = asset.tile_mut(0).load(&bytes).unwrap_err();
         assert_eq!(error.kind, ErrorKind::InvalidArgument);
         assert!(error.message.starts_with("data: it was saved with another"), "{}", error.message);
     };
@@ -78,23 +79,23 @@ fn other_meshes_maps_and_settings_are_refused() {
     refused(&mut masked.asset(1, 64));
     let mut smoother = model.asset(1, 64);
     let settings = TileSettings { grid: [Some(64); 2], smoothness: 0.1, ..TileSettings::default() };
-    smoother.set_settings(0, &settings).unwrap();
+    smoother.tile_mut(0).set_settings(&settings).unwrap();
     refused(&mut smoother);
     // What a solve alone depends on may differ.
     let settings = TileSettings { grid: [Some(64); 2], room: 0.1, ..TileSettings::default() };
-    asset.set_settings(0, &settings).unwrap();
-    asset.load_tile(0, &bytes).unwrap();
+    asset.tile_mut(0).set_settings(&settings).unwrap();
+    asset.tile_mut(0).load(&bytes).unwrap();
 }
 
 #[test]
 fn damaged_bytes_are_refused_and_the_tile_stays() {
     let model = model("bulge");
     let mut asset = model.asset(1, 64);
-    let bytes = asset.save_tile(0).unwrap();
+    let bytes = asset.tile_mut(0).save().unwrap();
     let before = warps(&mut asset, &model);
     let held = asset.device().info().bytes_held;
     let refuse = |asset: &mut Asset, data: &[u8], why: &str| {
-        let error = asset.load_tile(0, data).unwrap_err();
+        let error = asset.tile_mut(0).load(data).unwrap_err();
         assert!(error.message.starts_with("data: ") && error.message.contains(why), "{}", error.message);
     };
     for length in [0, 7, 8, 12, 55, 56, 100, bytes.len() - 1] {

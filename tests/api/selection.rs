@@ -24,7 +24,7 @@ fn frame(model: &Model, number: usize) -> [Vec<[u32; 2]>; 2] {
 }
 
 fn kept(asset: &Asset) -> Vec<bool> {
-    (0..asset.tile_count()).map(|tile| asset.tile_report(tile).unwrap().kept).collect()
+    (0..asset.tile_count()).map(|tile| asset.tile(tile).report().unwrap().kept).collect()
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn a_tile_that_was_never_solved_has_no_result() {
     let (model, mut asset) = arm();
     let request = SolveRequest { positions: model.frame(3), tiles: Some(&[1]), ..SolveRequest::default() };
     asset.run(&request, &mut []).unwrap();
-    assert_eq!(asset.tile_report(0).unwrap_err().kind, ErrorKind::NotSolved);
+    assert_eq!(asset.tile(0).report().unwrap_err().kind, ErrorKind::NotSolved);
     assert!(tile_bits(&asset, 1) == frame(&model, 3)[1]);
     // Its corners have the mesh's own UVs, those of the other tile their redirected ones.
     let uvs = vrtm_testkit::corner_uvs(&asset);
@@ -97,7 +97,7 @@ fn only_the_tiles_that_dirty_vertices_touch() {
     change(&mut asset, 0, |settings| settings.room = 0.2);
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [false, true]);
-    asset.set_mask(1, Some(vrtm_testkit::view(&[255], 1, 1))).unwrap();
+    asset.tile_mut(1).set_mask(Some(vrtm_testkit::view(&[255], 1, 1))).unwrap();
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [true, false]);
     let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
@@ -117,7 +117,7 @@ fn a_frozen_tile_keeps_its_result() {
     let (model, mut asset) = arm();
     let (one, three) = (frame(&model, 1), frame(&model, 3));
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-    asset.freeze(0, true).unwrap();
+    asset.tile_mut(0).freeze(true).unwrap();
     asset.solve(model.frame(3), &SolveOptions::default()).unwrap();
     assert!(tile_bits(&asset, 0) == one[0] && tile_bits(&asset, 1) == three[1]);
     assert_eq!(kept(&asset), [true, false]);
@@ -125,10 +125,10 @@ fn a_frozen_tile_keeps_its_result() {
     let request = SolveRequest { positions: model.frame(3), tiles: Some(&[0]), ..SolveRequest::default() };
     asset.run(&request, &mut []).unwrap();
     assert_eq!(kept(&asset), [true, true]);
-    asset.freeze(0, false).unwrap();
+    asset.tile_mut(0).freeze(false).unwrap();
     asset.run(&request, &mut []).unwrap();
     assert!(tile_bits(&asset, 0) == three[0]);
-    assert_eq!(asset.freeze(2, true).unwrap_err().kind, ErrorKind::InvalidArgument);
+    assert_eq!(asset.tile_mut(2).freeze(true).unwrap_err().kind, ErrorKind::InvalidArgument);
 }
 
 /// Solvers' memory that is given back: the same results, and less that is held.
@@ -147,7 +147,7 @@ fn solvers_are_given_back() {
         };
         asset.run(&request, &mut []).unwrap();
     }
-    let nodes: u64 = [0, 1].map(|tile| asset.tile_report(tile).unwrap().nodes_active).iter().sum();
+    let nodes: u64 = [0, 1].map(|tile| asset.tile(tile).report().unwrap().nodes_active).iter().sum();
     let without = held(&asset);
     assert!(without + 100 * nodes < with, "{with} bytes, then {without}, of {nodes} nodes");
     for (tile, bits) in frame(&model, 3).iter().enumerate() {
@@ -167,7 +167,7 @@ fn a_result_that_is_given_up_is_gone_until_the_next_one() {
     let seen = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
     let list = seen.clone();
     let control = std::sync::Arc::new(vrtm::Control::with_progress(std::sync::Arc::new(move |_| {
-        list.lock().unwrap().push([0, 1].map(|tile| results.tile_report(tile).is_ok()));
+        list.lock().unwrap().push([0, 1].map(|tile| results.tile(tile).report().is_ok()));
         false
     })));
     let request = SolveRequest {
@@ -186,5 +186,5 @@ fn a_result_that_is_given_up_is_gone_until_the_next_one() {
     control.cancel_at_item(1);
     let error = asset.run(&request, &mut []).unwrap_err();
     assert_eq!(error.kind, ErrorKind::Cancelled);
-    assert!(asset.tile_report(0).is_ok());
+    assert!(asset.tile(0).report().is_ok());
 }

@@ -27,8 +27,8 @@ fn solved(steps: &[Step]) -> Vec<[u32; 2]> {
     let free: Vec<f32> = (0..rest.len()).map(|v| if v < rest.len() / 3 { 0.0 } else { 1.0 }).collect();
     for step in steps {
         match *step {
-            Step::Map(is_set) => asset.set_rigidity(0, is_set.then(|| view(&texels, SIZE, SIZE))),
-            Step::Mask(is_set) => asset.set_mask(0, is_set.then(|| view(&mask, SIZE, SIZE))),
+            Step::Map(is_set) => asset.tile_mut(0).set_rigidity(is_set.then(|| view(&texels, SIZE, SIZE))),
+            Step::Mask(is_set) => asset.tile_mut(0).set_mask(is_set.then(|| view(&mask, SIZE, SIZE))),
             Step::Vertices(is_set) => {
                 asset.set_vertex_rigidity(is_set.then(|| Strided::from_slice(&rigidity)))
             }
@@ -82,8 +82,11 @@ fn values_in_another_range_are_told_of() {
     let image = |format: PixelFormat, bytes: Vec<u8>| {
         move |asset: &mut Asset| {
             let layout = ImageLayout::packed(SIZE, SIZE, format);
-            asset.set_rigidity(0, Some(ImageView::new("rigidity", &bytes, layout).unwrap())).unwrap();
-            asset.set_mask(0, Some(ImageView::new("mask", &bytes, layout).unwrap())).unwrap();
+            asset
+                .tile_mut(0)
+                .set_rigidity(Some(ImageView::new("rigidity", &bytes, layout).unwrap()))
+                .unwrap();
+            asset.tile_mut(0).set_mask(Some(ImageView::new("mask", &bytes, layout).unwrap())).unwrap();
         }
     };
     let painted = |white: u8| -> Vec<u8> {
@@ -115,7 +118,7 @@ fn values_in_another_range_are_told_of() {
     let solve =
         |asset: &mut Asset| asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
     let without = |asset: &mut Asset| {
-        asset.set_rigidity(0, None).unwrap();
+        asset.tile_mut(0).set_rigidity(None).unwrap();
         solve(asset);
         // Once is enough.
         solve(asset);

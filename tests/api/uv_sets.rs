@@ -76,8 +76,8 @@ impl Sheet {
             ..MeshSource::default()
         };
         let mut asset = Asset::new(&cpu(2), &source).unwrap();
-        asset.set_rigidity(0, Some(view(&self.rigidity, MAP, MAP))).unwrap();
-        asset.set_settings(0, &TileSettings { grid: [Some(64); 2], ..*settings }).unwrap();
+        asset.tile_mut(0).set_rigidity(Some(view(&self.rigidity, MAP, MAP))).unwrap();
+        asset.tile_mut(0).set_settings(&TileSettings { grid: [Some(64); 2], ..*settings }).unwrap();
         asset.solve(Strided::from_slice(&self.pose), &SolveOptions::default()).unwrap();
         asset
     }
@@ -140,7 +140,7 @@ fn a_mirrored_set() {
     let mut asset = Sheet::new(second).solved(&TileSettings::default());
     check(&mut asset, second, |_| false);
     // In the mirrored set itself all is overlapped; its border lies beside a line of the grid, whose nodes count once.
-    let overlap = asset.tile_info(1).unwrap().overlap;
+    let overlap = asset.tile_mut(1).info().unwrap().overlap;
     assert!((0.98..=1.0).contains(&overlap), "{overlap}");
 }
 
@@ -274,11 +274,11 @@ fn what_cannot_be_is_refused() {
     let mut bytes = vec![0; 8 * 16 * 16];
     let mut image =
         ImageViewMut::new("image", &mut bytes, ImageLayout::packed(16, 16, PixelFormat::F32)).unwrap();
-    let error = asset.fetch(0, FetchKind::UvSet(2), &mut image).unwrap_err();
+    let error = asset.tile(0).fetch(FetchKind::UvSet(2), &mut image).unwrap_err();
     assert_eq!(error.message, "uv_set: 2 is out of range, there are 2");
     let mut image = image.part_of("image", [32, 32], [0, 0]).unwrap();
-    let error = asset.fetch(0, FetchKind::UvSet(1), &mut image).unwrap_err();
+    let error = asset.tile(0).fetch(FetchKind::UvSet(1), &mut image).unwrap_err();
     assert_eq!(error.kind, ErrorKind::Unsupported);
     let desc = MapDesc { kind: FetchKind::UvSet(1), format: PixelFormat::F32, size: [64; 2] };
-    assert_eq!(asset.inspect_map(0, &desc).unwrap_err().kind, ErrorKind::InvalidArgument);
+    assert_eq!(asset.tile(0).inspect_map(&desc).unwrap_err().kind, ErrorKind::InvalidArgument);
 }

@@ -30,7 +30,7 @@ fn maps_have_the_bits_of_the_npm_package() {
                     let mut bytes = vec![0; 96 * 96 * 8];
                     let layout = ImageLayout::packed(96, 96, PixelFormat::F32);
                     let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-                    asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
+                    asset.tile(tile).fetch(FetchKind::Redirection, &mut image).unwrap();
                     bytes
                 })
                 .collect();

@@ -68,7 +68,7 @@ fn hash(model: &Model, device: &Device, grid: u32, effort: &Effort) -> u64 {
             let texels = fetch(&mut asset, tile, kind, [75, 61]);
             texels.into_iter().flatten().for_each(|x| hash.add(x.to_bits().into()));
         }
-        let report = asset.tile_report(tile).unwrap();
+        let report = asset.tile(tile).report().unwrap();
         for x in [report.energy_before, report.energy, report.min_jacobian] {
             hash.add(x.to_bits());
         }

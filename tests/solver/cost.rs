@@ -29,8 +29,8 @@ struct Work {
 
 impl Work {
     fn of(asset: &Asset, tile: usize) -> Work {
-        let report = asset.tile_report(tile).unwrap();
-        let gpu = asset.gpu_work(tile).unwrap().unwrap_or_default();
+        let report = asset.tile(tile).report().unwrap();
+        let gpu = asset.tile(tile).gpu_work().unwrap().unwrap_or_default();
         Work {
             charts: report.charts_active,
             blocks: report.blocks_active,
@@ -61,7 +61,7 @@ fn rest_and_a_pose_again_take_no_work() {
             let mut asset = model.asset_on(&device, grid);
             let mut solve = |positions: Strided| {
                 asset.solve(positions, &SolveOptions::default()).unwrap();
-                let report = asset.tile_report(0).unwrap();
+                let report = asset.tile(0).report().unwrap();
                 (Work::of(&asset, 0), [report.charts_reused, report.charts_identity, report.charts])
             };
             let (pose, rest) = (model.frame(1), Strided::from_slice(&model.rest));
@@ -99,7 +99,7 @@ fn a_tile_does_not_pay_for_another() {
         let mut asset = model.asset_on(&device, grid);
         let mut solve = |frame: usize| {
             asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
-            ([0, 1].map(|tile| Work::of(&asset, tile)), asset.tile_report(1).unwrap().charts_reused)
+            ([0, 1].map(|tile| Work::of(&asset, tile)), asset.tile(1).report().unwrap().charts_reused)
         };
         // The second frame moves both tiles.
         for frame in [1, 2, 1] {
@@ -123,7 +123,7 @@ fn nothing_active_takes_no_solver() {
         assert_eq!((report.charts_active, report.nodes_active), (0, 0), "{name}");
         assert!(bits(asset).iter().all(|u| *u == [0; 2]), "{name}");
         for tile in 0..asset.tile_count() {
-            let report = asset.tile_report(tile).unwrap();
+            let report = asset.tile(tile).report().unwrap();
             assert_eq!((report.sweeps, report.corrections, report.node_updates), (0, 0, 0), "{name}");
         }
         // Maps and grid remain: about a fifth of the bytes that are held with the solver's memory.
@@ -141,13 +141,13 @@ fn nothing_active_takes_no_solver() {
     // All nodes are masked.
     let mut asset = model.asset(0, 256);
     for tile in 0..2 {
-        asset.set_mask(tile, Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
+        asset.tile_mut(tile).set_mask(Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
     }
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "all masked");
     // Only one of two tiles has rigidity.
     let mut asset = model.asset(0, 256);
-    asset.set_rigidity(1, None).unwrap();
+    asset.tile_mut(1).set_rigidity(None).unwrap();
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     let half = held(&asset);
     let report = asset.report().unwrap();
@@ -189,7 +189,7 @@ fn bytes_follow_the_active_nodes() {
             }
             for model in [scenes::analytic::bulge(), scenes::creature()].map(Model::from) {
                 let asset = model.solved(&device, grid, 1, &SolveOptions::default());
-                let report = asset.tile_report(0).unwrap();
+                let report = asset.tile(0).report().unwrap();
                 let bytes = report.bytes as f64 / report.nodes_active as f64;
                 println!(
                     "{backend:?} {:9} {grid}²: {} active nodes, {} of {} blocks, {:.1} MiB, {bytes:.0} bytes per node",
@@ -209,9 +209,9 @@ fn bytes_follow_the_active_nodes() {
     let model = Model::from(scenes::analytic::bulge());
     let held = |mask: &[u8]| {
         let mut asset = model.asset(0, 512);
-        asset.set_mask(0, Some(vrtm_testkit::view(mask, 2, 2))).unwrap();
+        asset.tile_mut(0).set_mask(Some(vrtm_testkit::view(mask, 2, 2))).unwrap();
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-        let report = asset.tile_report(0).unwrap();
+        let report = asset.tile(0).report().unwrap();
         (asset.device().info().bytes_held as f64, report.blocks_active as f64)
     };
     let (all, quarter) = (held(&[255; 4]), held(&[255, 0, 0, 0]));
@@ -235,7 +235,7 @@ fn work_is_bounded() {
         ] {
             let options = SolveOptions { quality, max_corrections: most, ..SolveOptions::default() };
             asset.solve(model.frame(1), &options).unwrap();
-            let report = asset.tile_report(0).unwrap();
+            let report = asset.tile(0).report().unwrap();
             // The coarsest level has at most 256 movable nodes, 16 cells on a side.
             assert_eq!(report.levels, 5, "{quality:?}");
             // Corrections are counted by the schedule, even if some charts sit them out.
@@ -265,11 +265,11 @@ fn work_is_bounded() {
             ..SolveOptions::default()
         };
         asset.solve(model.frame(2), &hurried).unwrap();
-        let report = asset.tile_report(0).unwrap();
+        let report = asset.tile(0).report().unwrap();
         assert!(report.truncated && report.folds == 0 && report.energy <= report.energy_before);
         let cut = bits(&asset);
         asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
-        let report = asset.tile_report(0).unwrap();
+        let report = asset.tile(0).report().unwrap();
         assert!(!report.truncated && report.charts_reused == 0);
         assert!(bits(&asset) != cut);
     }

@@ -13,7 +13,7 @@ fn its_energies_tell_what_it_gains_on_level_0() {
             let model = Model::from(scenes::by_name(name).unwrap());
             let frame = model.frames.len().min(5);
             let asset = model.solved(&device, grid, frame, &options(Quality::Draft));
-            let report = asset.tile_report(0).unwrap();
+            let report = asset.tile(0).report().unwrap();
             let [identity, result] = asset.energies_on_level_0(0, model.frame(frame)).unwrap();
             let (reported, exact) = (report.energy / report.energy_before, result / identity);
             println!(

@@ -78,7 +78,7 @@ fn reports_count_features_as_the_measure_of_the_tests_does() {
         let model = dense(&Model::from(scene));
         let pose = &model.frames[0];
         let asset = solve(&model, pose, 0, 512, STILL, &options);
-        let strain = asset.tile_report(0).unwrap().strain.unwrap();
+        let strain = asset.tile(0).report().unwrap().strain.unwrap();
         let found = of_asset(&model, pose, &asset);
         // What a seam cuts in two would be two features here.
         assert!(found.iter().all(|feature| feature.kind != Kind::Seam));
@@ -110,7 +110,7 @@ fn grey_paint_is_measured() {
     let mut measured = |value: u8| {
         model.maps[0].rigidity.iter_mut().filter(|texel| **texel > 0).for_each(|texel| *texel = value);
         let options = SolveOptions { measure: true, ..SolveOptions::default() };
-        solve(&model, &pose, 1, 128, STILL, &options).tile_report(0).unwrap().strain.unwrap()
+        solve(&model, &pose, 1, 128, STILL, &options).tile(0).report().unwrap().strain.unwrap()
     };
     let [rigid, half, less] = [255, 127, 102].map(&mut measured);
     // The disc over the seam has a part in either chart.

@@ -26,7 +26,7 @@ fn a_finer_grid_is_not_worse() {
             set_grid(&mut asset, grid);
             let options = SolveOptions { quality, measure: true, ..SolveOptions::default() };
             asset.solve(Strided::from_slice(&model.frames[0]), &options).unwrap();
-            let rms = asset.tile_report(0).unwrap().strain.unwrap().after.rms;
+            let rms = asset.tile(0).report().unwrap().strain.unwrap().after.rms;
             println!("{name}, {grid} cells a side, {quality:?}: {rms:.4}");
             rms
         };

@@ -83,7 +83,7 @@ fn run(case: &Case) -> Row {
         asset.solve(model.frame(frame), &options).unwrap();
         let u = asset.displacements(tile).unwrap();
         results.push(u.into_iter().map(|u| u.map(f64::from)).collect::<Vec<[f64; 2]>>());
-        ms[k] = asset.tile_report(tile).unwrap().times.total;
+        ms[k] = asset.tile(tile).report().unwrap().times.total;
     }
     let energy = |u: &[[f64; 2]]| asset.reference_energy(tile, model.frame(frame), u).unwrap();
     let before = energy(&vec![[0.0; 2]; results[0].len()]);

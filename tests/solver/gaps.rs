@@ -321,7 +321,7 @@ fn no_node_ends_in_a_gap_that_the_default_tolerance_closes() {
         // It is welded: the chart has no border but that of the sheet.
         let mut asset = sheet(case).asset(1, case.grid as u32);
         assert_eq!(asset.info().border_edges as usize, 4 * case.quads);
-        assert!(asset.tile_info(0).unwrap().gap_nodes > 0);
+        assert!(asset.tile_mut(0).info().unwrap().gap_nodes > 0);
     }
     assert_none_outside(&cases);
 }
@@ -351,7 +351,7 @@ fn half_floats_fix_no_node() {
     let movable = |model: &Model| {
         let mut asset = model.asset_on(&cpu(1), case.grid as u32);
         assert_eq!(asset.info().charts, 1);
-        let info = asset.tile_info(0).unwrap();
+        let info = asset.tile_mut(0).info().unwrap();
         assert_eq!(info.gap_nodes, 0);
         info.movable_nodes as f64
     };
@@ -386,5 +386,5 @@ fn a_slit_of_a_small_chart_is_no_noise() {
         uv_indices: quads(&triangles.uv_indices),
         ..triangles
     };
-    assert!(model.asset(1, 256).tile_info(0).unwrap().gap_nodes > 0);
+    assert!(model.asset(1, 256).tile_mut(0).info().unwrap().gap_nodes > 0);
 }

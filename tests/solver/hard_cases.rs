@@ -103,10 +103,10 @@ impl Case {
         )?;
         for tile in 0..asset.tile_count() {
             let rigidity = self.rigidity.as_ref().map(Map::image);
-            asset.set_rigidity(tile, rigidity.as_ref().map(view))?;
+            asset.tile_mut(tile).set_rigidity(rigidity.as_ref().map(view))?;
             let mask = self.mask.as_ref().map(Map::image);
-            asset.set_mask(tile, mask.as_ref().map(view))?;
-            asset.set_settings(tile, &self.settings)?;
+            asset.tile_mut(tile).set_mask(mask.as_ref().map(view))?;
+            asset.tile_mut(tile).set_settings(&self.settings)?;
         }
         Ok(asset)
     }
@@ -122,7 +122,7 @@ impl Case {
         for pose in &self.poses {
             asset.solve(Strided::from_slice(pose), &self.options).unwrap();
             for tile in 0..asset.tile_count() {
-                let report = asset.tile_report(tile).unwrap();
+                let report = asset.tile(tile).report().unwrap();
                 self.check_report(&report);
                 bits.extend(self.check_nodes(&asset, tile, &report));
                 bits.extend(self.check_images(&mut asset, tile, report.grid));
@@ -209,7 +209,7 @@ impl Case {
             let texels = (width * height) as usize;
             let mut bytes: Vec<u8> = f32::NAN.to_ne_bytes().repeat(2 * texels);
             let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-            asset.fetch(tile, kind, &mut image).unwrap();
+            asset.tile(tile).fetch(kind, &mut image).unwrap();
             for b in bytes.chunks_exact(4) {
                 let x = f32::from_ne_bytes(b.try_into().unwrap());
                 let low = if kind == FetchKind::RedirectionDelta { -1.0 } else { 0.0 };
@@ -344,14 +344,17 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
 
         let mut asset = asset(&good).unwrap();
         asset.solve(Strided::from_slice(&good.poses[0]), &good.options).unwrap();
-        let before = (asset.displacements(0).unwrap(), asset.tile_report(0).unwrap());
+        let before = (asset.displacements(0).unwrap(), asset.tile(0).report().unwrap());
         let mut pose = good.poses[0].clone();
         pose[3][2] = bad;
         let solved = asset.solve(Strided::from_slice(&pose), &good.options);
         rejected(&format!("positions[3]: component 2 is {text}"), solved);
         let map = Map::new([3, 2], |x, y| if (x, y) == (2, 0) { bad as f32 } else { 0.5 }).image();
-        rejected(&format!("rigidity: texel (2, 0) is {text}"), asset.set_rigidity(0, Some(view(&map))));
-        rejected(&format!("mask: texel (2, 0) is {text}"), asset.set_mask(0, Some(view(&map))));
+        rejected(
+            &format!("rigidity: texel (2, 0) is {text}"),
+            asset.tile_mut(0).set_rigidity(Some(view(&map))),
+        );
+        rejected(&format!("mask: texel (2, 0) is {text}"), asset.tile_mut(0).set_mask(Some(view(&map))));
         let mut values = vec![0.5f32; good.rest.len()];
         values[4] = bad as f32;
         let set = asset.set_vertex_rigidity(Some(Strided::from_slice(&values)));
@@ -368,13 +371,13 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
             (TileSettings { room_threshold: x, ..plain }, "room_threshold", "0 and 1"),
         ] {
             let message = format!("settings.{name}: {text} is not between {range}");
-            rejected(&message, asset.set_settings(0, &settings));
+            rejected(&message, asset.tile_mut(0).set_settings(&settings));
         }
         let mut solve = |options: SolveOptions| asset.solve(Strided::from_slice(&good.poses[0]), &options);
         let tolerance = SolveOptions { tolerance: Some(x), ..SolveOptions::default() };
         rejected(&format!("options.tolerance: {text} is not over 0 and under 1"), solve(tolerance));
 
-        let after = (asset.displacements(0).unwrap(), asset.tile_report(0).unwrap());
+        let after = (asset.displacements(0).unwrap(), asset.tile(0).report().unwrap());
         assert_eq!(before, after, "a refused call changed the result");
     }
 }

@@ -16,7 +16,7 @@ fn solve(model: &Model, asset: &mut Asset, part: f32, warm: bool) -> Vec<[f32; 3
     let ends = model.rest.iter().zip(&model.frames[0]);
     let pose: Vec<_> = ends.map(|(r, p)| [0, 1, 2].map(|k| r[k] + part * (p[k] - r[k]))).collect();
     asset.solve(Strided::from_slice(&pose), &SolveOptions { warm, ..SolveOptions::default() }).unwrap();
-    let report = asset.tile_report(0).unwrap();
+    let report = asset.tile(0).report().unwrap();
     assert!(report.folds == 0 && report.charts_fallback == 0, "{part}: {report:?}");
     assert!(report.energy <= report.energy_before, "{part}: {report:?}");
     pose
@@ -34,10 +34,10 @@ fn errors(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> (usize, usize, f64
 #[test]
 fn it_is_a_number_from_0_to_16() {
     let mut asset = Model::from(analytic::bulge()).asset(1, 32);
-    assert_eq!(asset.settings(0).unwrap().harm, 7.0);
+    assert_eq!(asset.tile_mut(0).settings().unwrap().harm, 7.0);
     for bad in [-0.1, 16.1, f32::NAN, f32::INFINITY] {
         let settings = TileSettings { harm: bad, ..TileSettings::default() };
-        let error = asset.set_settings(0, &settings).unwrap_err().to_string();
+        let error = asset.tile_mut(0).set_settings(&settings).unwrap_err().to_string();
         assert!(error.contains("settings.harm"), "{error}");
     }
 }

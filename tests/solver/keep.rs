@@ -51,15 +51,15 @@ fn what_is_kept_follows_maps_and_settings() {
     let maps = &model.maps[0];
     let mut asset = with(&model, Seams::Keep);
     let kept = solved(&mut asset, &model);
-    let fixed = asset.tile_info(0).unwrap().fixed;
+    let fixed = asset.tile_mut(0).info().unwrap().fixed;
     assert!(fixed > 0.99, "all features of the scene end at a border: {fixed}");
-    let saved = asset.save_tile(0).unwrap();
+    let saved = asset.tile_mut(0).save().unwrap();
     let mut other = with(&model, Seams::Shut);
     let shut = solved(&mut other, &model);
     assert!(kept != shut);
-    assert!(other.load_tile(0, &saved).unwrap_err().message.contains("another mesh, map or setting"));
+    assert!(other.tile_mut(0).load(&saved).unwrap_err().message.contains("another mesh, map or setting"));
     change(&mut other, 0, |settings| settings.seams = Seams::Keep);
-    other.load_tile(0, &saved).unwrap();
+    other.tile_mut(0).load(&saved).unwrap();
     assert!(solved(&mut other, &model) == kept);
 
     // Strips that are cut in their middle no longer hang together with the border.
@@ -71,11 +71,11 @@ fn what_is_kept_follows_maps_and_settings() {
         })
         .collect();
     let image = |bytes| view(bytes, width, height);
-    asset.update_rigidity(0, image(&cut), [0, 0], [width, height]).unwrap();
+    asset.tile_mut(0).update_rigidity(image(&cut), [0, 0], [width, height]).unwrap();
     let after = solved(&mut asset, &model);
     let mut fresh = with(&model, Seams::Keep);
-    fresh.set_rigidity(0, Some(image(&cut))).unwrap();
+    fresh.tile_mut(0).set_rigidity(Some(image(&cut))).unwrap();
     assert!(after == solved(&mut fresh, &model));
-    let now = asset.tile_info(0).unwrap().fixed;
+    let now = asset.tile_mut(0).info().unwrap().fixed;
     assert!(now < 0.9 * fixed, "{now}");
 }

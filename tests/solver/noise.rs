@@ -75,7 +75,7 @@ fn noisy_uvs_have_the_bits_of_their_means() {
         let mean = averaged(&noisy);
         let [found, expected] = [&noisy, &mean].map(|model| {
             let mut asset = model.solved(&vrtm_testkit::cpu(1), 128, 1, &options(Quality::Normal));
-            let info = asset.tile_info(0).unwrap();
+            let info = asset.tile_mut(0).info().unwrap();
             assert_eq!((info.charts, info.edges_apart, info.gap_nodes), (1, 0, 0), "{most} {by_face}");
             let mut uvs = vec![[0.0; 2]; model.indices.len()];
             asset.results().corner_uvs(&mut uvs).unwrap();
@@ -99,7 +99,7 @@ fn noise_changes_a_warp_by_little_more_than_itself() {
         let clean = sheet(range);
         let warp = |model: &Model| {
             let mut asset = model.solved(&vrtm_testkit::cpu(1), 128, 1, &options(Quality::Normal));
-            let info = asset.tile_info(0).unwrap();
+            let info = asset.tile_mut(0).info().unwrap();
             (Warp::of(&asset, 0), info.movable_nodes)
         };
         let (expected, movable) = warp(&clean);
@@ -149,7 +149,7 @@ fn corners_in_the_middle_of_a_side_fall_apart_by_no_noise() {
         ..Model::default()
     };
     for most in [3e-8, 1e-7, 1e-6, 1e-5, 1e-4] {
-        let info = noisy(&clean, most, false).asset(1, 128).tile_info(0).unwrap();
+        let info = noisy(&clean, most, false).asset(1, 128).tile_mut(0).info().unwrap();
         assert_eq!((info.charts, info.gap_nodes), (1, 0), "{most}");
     }
 }
@@ -164,7 +164,7 @@ fn noise_in_a_part_of_a_chart_holds_little() {
         let of_clean = clean.uv_indices.iter().map(|&k| clean.uvs[k as usize]);
         let part = all.uvs.iter().zip(of_clean).enumerate();
         let uvs = part.map(|(c, (noisy, clean))| if c < corners { *noisy } else { clean }).collect();
-        let info = Model { uvs, ..all.clone() }.asset(1, 128).tile_info(0).unwrap();
+        let info = Model { uvs, ..all.clone() }.asset(1, 128).tile_mut(0).info().unwrap();
         println!("{share}: {} nodes at gaps, {} fixed", info.gap_nodes, info.fixed);
         // By the share alone it were thousands.
         assert!(info.gap_nodes < 800, "{share}: {}", info.gap_nodes);

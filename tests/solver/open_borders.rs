@@ -171,11 +171,11 @@ fn bits_depend_neither_on_threads_nor_on_frames_before_nor_on_saving() {
     }
     assert!(expected == bits(&asset), "the frames before are seen");
     let mut loaded = sliding(&model, &cpu(2), 256);
-    loaded.load_tile(0, &one.save_tile(0).unwrap()).unwrap();
+    loaded.tile_mut(0).load(&one.tile_mut(0).save().unwrap()).unwrap();
     loaded.solve(model.frame(1), &SolveOptions::default()).unwrap();
     assert!(expected == bits(&loaded), "a loaded tile has other bits");
     let mut fixed = model.asset_on(&cpu(2), 256);
-    let error = fixed.load_tile(0, &one.save_tile(0).unwrap()).unwrap_err();
+    let error = fixed.tile_mut(0).load(&one.tile_mut(0).save().unwrap()).unwrap_err();
     assert!(error.message.contains("another mesh, map or setting"), "{error}");
 }
 

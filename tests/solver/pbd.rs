@@ -15,7 +15,7 @@ fn pbd(iterations: u32) -> SolveOptions {
 }
 
 fn report(asset: &Asset) -> TileReport {
-    asset.tile_report(0).unwrap()
+    asset.tile(0).report().unwrap()
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn settings_out_of_range_are_refused_by_name() {
         let error = asset.solve(model.frame(1), &options).unwrap_err();
         assert!(error.message.starts_with(culprit), "{}", error.message);
     }
-    assert!(asset.tile_report(0).is_err(), "nothing was solved");
+    assert!(asset.tile(0).report().is_err(), "nothing was solved");
 }
 
 /// A sheet with features of 8 x 8 texels of 64, compressed in u to 60 %; the map is the caller's.
@@ -272,7 +272,7 @@ fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mu
     scene.tiles.clear();
     let model = Model::from(scene);
     let mut asset = model.bare(0, Strided::from_slice(&model.rest));
-    asset.set_rigidity(0, Some(vrtm_testkit::view(rigidity, 64, 64))).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(rigidity, 64, 64))).unwrap();
     vrtm_testkit::set_grid(&mut asset, 64);
     vrtm_testkit::change(&mut asset, 0, settings);
     asset.solve(model.frame(1), options).unwrap();
@@ -345,11 +345,14 @@ fn the_energy_is_the_reference_s() {
             orientation: 0.1,
             orientation_density: 0.7,
             harm: 0.0,
-            ..asset.settings(0).unwrap()
+            ..asset.tile_mut(0).settings().unwrap()
         };
         let mut energies = Vec::new();
         for density in [0.0, settings.orientation_density] {
-            asset.set_settings(0, &TileSettings { orientation_density: density, ..settings }).unwrap();
+            asset
+                .tile_mut(0)
+                .set_settings(&TileSettings { orientation_density: density, ..settings })
+                .unwrap();
             for options in [SolveOptions::default(), pbd(8)] {
                 asset.solve(model.frame(1), &options).unwrap();
                 let u: Vec<[f64; 2]> =

@@ -294,19 +294,19 @@ fn a_tile_follows_the_maps_of_its_neighbour() {
         bits(asset)
     };
     let before = solve(&mut asset);
-    let saved = asset.save_tile(0).unwrap();
+    let saved = asset.tile_mut(0).save().unwrap();
     let elastic = vec![0u8; 1024 * 1024];
     let image = |bytes| view(bytes, 1024, 1024);
-    asset.set_rigidity(1, Some(image(&elastic))).unwrap();
+    asset.tile_mut(1).set_rigidity(Some(image(&elastic))).unwrap();
     let alone = solve(&mut asset);
     assert!(before != alone, "the first tile does not see the second one's map");
-    let error = asset.load_tile(0, &saved).unwrap_err();
+    let error = asset.tile_mut(0).load(&saved).unwrap_err();
     assert!(error.message.contains("another mesh, map or setting"), "{error}");
     // A stroke that brings the map back.
-    asset.update_rigidity(1, image(&model.maps[1].rigidity), [0, 0], [1024, 1024]).unwrap();
+    asset.tile_mut(1).update_rigidity(image(&model.maps[1].rigidity), [0, 0], [1024, 1024]).unwrap();
     assert!(before == solve(&mut asset), "a stroke on the second tile");
     let mut fresh = with(&model, &cpu(2), 256, Seams::Continue);
-    fresh.load_tile(0, &saved).unwrap();
+    fresh.tile_mut(0).load(&saved).unwrap();
     assert!(before == solve(&mut fresh), "a loaded tile");
 }
 
@@ -359,11 +359,11 @@ fn redirections_end_where_the_gutter_does() {
     model.frames = vec![model.rest.iter().map(pose).collect()];
     let mut asset = with(&model, &cpu(2), 256, Seams::Continue);
     asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
-    assert_eq!(asset.tile_report(0).unwrap().texels_limited, 0, "before the first image");
+    assert_eq!(asset.tile(0).report().unwrap().texels_limited, 0, "before the first image");
     let shown = dilation(&asset, 0, 0.03, 1024, [0.0f32; 2]);
     for size in [256u32, 500, 1024] {
         let map = vrtm_testkit::fetch(&mut asset, 0, FetchKind::Redirection, [size, size]);
-        let report = asset.tile_report(0).unwrap();
+        let report = asset.tile(0).report().unwrap();
         let mut over = 0.0f64;
         for (k, uv) in map.iter().enumerate() {
             let [x, y] = [k % size as usize, k / size as usize].map(|n| (n as f64 + 0.5) / f64::from(size));
@@ -389,7 +389,7 @@ fn redirections_end_where_the_gutter_does() {
         let image = ImageViewMut::from_texels("image", &mut part, [40, 30]).unwrap();
         let first = [size * 13 / 50 - 20, size / 4];
         let image = image.with_origin(Origin::Bottom).part_of("image", [size; 2], first);
-        asset.fetch(0, FetchKind::Redirection, &mut image.unwrap()).unwrap();
+        asset.tile(0).fetch(FetchKind::Redirection, &mut image.unwrap()).unwrap();
         for (k, uv) in part.iter().enumerate() {
             let [x, y] = [first[0] as usize + k % 40, first[1] as usize + k / 40];
             assert_eq!(*uv, map[y * size as usize + x]);

@@ -69,7 +69,7 @@ fn solve(n: u32, options: &SolveOptions) -> Row {
     let texels: Vec<f64> = (0..n).map(|i| rigidity((f64::from(i) + 0.5) / f64::from(n))).collect();
     let bytes: Vec<u8> = texels.iter().flat_map(|&r| (r as f32).to_ne_bytes()).collect();
     let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(n, 1, PixelFormat::F32) };
-    asset.set_rigidity(0, Some(ImageView::new("map", &bytes, layout).unwrap())).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(ImageView::new("map", &bytes, layout).unwrap())).unwrap();
     set_grid(&mut asset, n);
     let settings = TileSettings {
         grid: [Some(n), Some(ROWS)],
@@ -78,7 +78,7 @@ fn solve(n: u32, options: &SolveOptions) -> Row {
         room: 0.0,
         ..TileSettings::default()
     };
-    asset.set_settings(0, &settings).unwrap();
+    asset.tile_mut(0).set_settings(&settings).unwrap();
     asset.solve(model.frame(1), options).unwrap();
     let warp = Warp::of(&asset, 0);
     assert!(warp.min_jacobian() > 0.0);

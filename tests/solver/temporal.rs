@@ -63,7 +63,7 @@ fn play(model: &Model, options: &SolveOptions, grid: u32, resting: usize) -> (Ve
             ms += asset.report().unwrap().total_ms / (MOVING - 1) as f32;
         }
         if frame == MOVING {
-            strain = f64::from(asset.tile_report(0).unwrap().strain.unwrap().after.rms);
+            strain = f64::from(asset.tile(0).report().unwrap().strain.unwrap().after.rms);
         }
     }
     (warps, strain, ms)
@@ -165,7 +165,7 @@ fn a_weight_alone_changes_nothing() {
         assert!(bits(&plain) == bits(&weighted), "frame {frame}");
     }
     // It does not keep charts from being reused either.
-    assert!(weighted.tile_report(0).unwrap().charts_reused > 0);
+    assert!(weighted.tile(0).report().unwrap().charts_reused > 0);
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn a_gpu_holds_as_the_cpu_does() {
             .fold(0.0, |m: f32, d| m.max(d.abs()));
         println!("weight {weight}: {apart:.1e} cells apart");
         assert!(apart < 2e-3, "weight {weight}: {apart}");
-        let [x, y] = [&a, &b].map(|asset| asset.tile_report(0).unwrap().energy);
+        let [x, y] = [&a, &b].map(|asset| asset.tile(0).report().unwrap().energy);
         assert!((x - y).abs() <= 1e-4 * y, "weight {weight}: {x} {y}");
     }
 }

@@ -69,7 +69,7 @@ impl Asset {
     pub fn tiles(&mut self) -> Result<js_sys::Array> {
         let tiles = js_sys::Array::new();
         for tile in 0..self.0.tile_count() {
-            tiles.push(&objects::tile(&self.0.tile_info(tile)?));
+            tiles.push(&objects::tile(&self.0.tile_mut(tile).info()?));
         }
         Ok(tiles)
     }
@@ -82,7 +82,7 @@ impl Asset {
     pub fn set_rigidity(&mut self, tile: usize, values: &JsValue, width: u32, height: u32) -> Result<()> {
         let values = Array::of_map("values", values)?;
         let image = values.as_ref().map(|values| values.image("values", [width, height])).transpose()?;
-        Ok(self.0.set_rigidity(tile, image)?)
+        Ok(self.0.tile_mut(tile).set_rigidity(image)?)
     }
 
     /// Sets or removes a tile's warp mask.
@@ -93,7 +93,7 @@ impl Asset {
     pub fn set_mask(&mut self, tile: usize, values: &JsValue, width: u32, height: u32) -> Result<()> {
         let values = Array::of_map("values", values)?;
         let image = values.as_ref().map(|values| values.image("values", [width, height])).transpose()?;
-        Ok(self.0.set_mask(tile, image)?)
+        Ok(self.0.tile_mut(tile).set_mask(image)?)
     }
 
     /// Replaces a part of a tile's rigidity: `part` is the first column and row, and the columns and rows.
@@ -113,7 +113,11 @@ impl Asset {
         let &[x, y, columns, rows] = part else {
             return Err(Error::argument("part: it has four numbers").into());
         };
-        Ok(self.0.update_rigidity(tile, values.image("values", [width, height])?, [x, y], [columns, rows])?)
+        Ok(self.0.tile_mut(tile).update_rigidity(
+            values.image("values", [width, height])?,
+            [x, y],
+            [columns, rows],
+        )?)
     }
 
     /// Changes those settings of a tile that are given.
@@ -122,9 +126,9 @@ impl Asset {
     /// A setting that does not exist, or a value out of its range.
     #[wasm_bindgen(js_name = setSettings)]
     pub fn set_settings(&mut self, tile: usize, settings: &JsValue) -> Result<()> {
-        let mut of_tile = self.0.settings(tile)?;
+        let mut of_tile = self.0.tile_mut(tile).settings()?;
         read_settings(Fields::new("settings", settings)?, &mut of_tile)?;
-        Ok(self.0.set_settings(tile, &of_tile)?)
+        Ok(self.0.tile_mut(tile).set_settings(&of_tile)?)
     }
 
     /// Solves all tiles for a pose.
@@ -153,7 +157,7 @@ impl Asset {
         let format = if half { PixelFormat::F16 } else { PixelFormat::F32 };
         let layout = ImageLayout::packed(width, height, format);
         let mut bytes = vec![0; 2 * format.size() * width as usize * height as usize];
-        self.0.fetch(tile, kind, &mut ImageViewMut::new("image", &mut bytes, layout)?)?;
+        self.0.tile(tile).fetch(kind, &mut ImageViewMut::new("image", &mut bytes, layout)?)?;
         let bytes = js_sys::Uint8Array::from(bytes.as_slice()).buffer();
         Ok(if half { Uint16Array::new(&bytes).into() } else { Float32Array::new(&bytes).into() })
     }
@@ -174,7 +178,7 @@ impl Asset {
     /// # Errors
     /// Nothing was solved yet.
     pub fn report(&self, tile: usize) -> Result<Object> {
-        Ok(objects::report(&self.0.tile_report(tile)?))
+        Ok(objects::report(&self.0.tile(tile).report()?))
     }
 }
 

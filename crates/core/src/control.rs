@@ -35,9 +35,9 @@ pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 /// # let pose = rest.map(|[x, y, z]| [2.0 * x, y, z]);
 /// # let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
 /// # let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
-/// # asset.set_rigidity(tile, Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
+/// # asset.tile_mut(tile).set_rigidity(Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
 /// asset.run(&SolveRequest { positions: Strided::from_slice(&rest), ..SolveRequest::default() }, &mut [])?;
-/// let energy = asset.tile_report(tile)?.energy;
+/// let energy = asset.tile(tile).report()?.energy;
 ///
 /// let control = Arc::new(Control::new());
 /// let request = SolveRequest {
@@ -49,7 +49,7 @@ pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 /// control.cancel();
 /// let error = asset.run(&request, &mut []).expect_err("it is cancelled");
 /// assert_eq!(error.kind, ErrorKind::Cancelled);
-/// assert_eq!(asset.tile_report(tile)?.energy, energy, "the last good result stays");
+/// assert_eq!(asset.tile(tile).report()?.energy, energy, "the last good result stays");
 /// # Ok(())
 /// # }
 /// ```

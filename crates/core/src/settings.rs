@@ -138,7 +138,7 @@ pub enum Seams {
     Shut,
     /// Each chart is solved together with the surface beyond its seams, laid out in its own plane up to
     /// [`TileSettings::seam_reach`]. Redirections near a seam then lead over the border of the chart: the texture must
-    /// show that surface there, as [`Results::fetch_dilation`] with at least the same reach writes it. Open borders,
+    /// show that surface there, as [`Tile::fetch_dilation`] with at least the same reach writes it. Open borders,
     /// and charts that overlap in a layer, stay as with [`Seams::Shut`]. Tiles that are solved in one call are brought
     /// together at their seams.
     Continue,

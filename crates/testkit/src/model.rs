@@ -144,8 +144,8 @@ pub fn faces(counts: &[u32]) -> impl Iterator<Item = Range<usize>> {
 pub fn paint(asset: &mut Asset, maps: &Maps) {
     let tile = asset.find_tile(maps.udim).expect("a tile of the maps");
     let image = |bytes| view(bytes, maps.width, maps.height);
-    asset.set_rigidity(tile, Some(image(&maps.rigidity))).unwrap();
-    asset.set_mask(tile, maps.mask.as_ref().map(|mask| image(mask))).unwrap();
+    asset.tile_mut(tile).set_rigidity(Some(image(&maps.rigidity))).unwrap();
+    asset.tile_mut(tile).set_mask(maps.mask.as_ref().map(|mask| image(mask))).unwrap();
 }
 
 /// A CPU device with `threads` threads (0 = one per core).
@@ -175,9 +175,9 @@ pub fn set_grid(asset: &mut Asset, grid: u32) {
 
 /// Changes the settings of a tile.
 pub fn change(asset: &mut Asset, tile: usize, with: impl FnOnce(&mut TileSettings)) {
-    let mut settings = asset.settings(tile).unwrap();
+    let mut settings = asset.tile_mut(tile).settings().unwrap();
     with(&mut settings);
-    asset.set_settings(tile, &settings).unwrap();
+    asset.tile_mut(tile).set_settings(&settings).unwrap();
 }
 
 /// Changes the settings of all tiles.
@@ -204,7 +204,7 @@ pub fn texels<T: OutputTexel + Clone>(
     size: [u32; 2],
     blank: T,
 ) -> Vec<T> {
-    image(size, blank, |image| results.fetch(tile, kind, image))
+    image(size, blank, |image| results.tile(tile).fetch(kind, image))
 }
 
 /// The dilation of a tile, first row at v = 0.
@@ -215,7 +215,7 @@ pub fn dilation<T: OutputTexel + Clone>(
     size: u32,
     blank: T,
 ) -> Vec<T> {
-    image([size; 2], blank, |image| asset.results().fetch_dilation(tile, reach, image))
+    image([size; 2], blank, |image| asset.results().tile(tile).fetch_dilation(reach, image))
 }
 
 fn image<T: OutputTexel + Clone>(

@@ -64,7 +64,7 @@ impl Roughness {
     ) -> Roughness {
         let mut solve = |pose: &[[f64; 3]], measure: bool| {
             asset.solve(Strided::from_slice(pose), &SolveOptions { measure, ..*options }).unwrap();
-            let report = asset.tile_report(tile).unwrap();
+            let report = asset.tile(tile).report().unwrap();
             (warp(asset, tile), report)
         };
         let warps: Vec<_> = poses(model, frame).iter().map(|pose| solve(pose, false).0).collect();

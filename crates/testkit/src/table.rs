@@ -59,7 +59,7 @@ pub fn judge(model: &Model, frame: usize, borders: Borders) -> Entry {
         let pose = &model.frames[frame - 1];
         let options = SolveOptions { measure: true, ..options(Quality::Normal) };
         let asset = solve(model, pose, 1, 512, borders, &options);
-        let reports = (0..asset.tile_count()).map(|tile| asset.tile_report(tile).unwrap()).collect();
+        let reports = (0..asset.tile_count()).map(|tile| asset.tile(tile).report().unwrap()).collect();
         let gaps = if borders.0 == Seams::Continue { gaps(model, &asset) } else { Vec::new() };
         Judged { features: of_asset(model, pose, &asset), gaps, reports }
     });

@@ -16,7 +16,7 @@ pub struct Warp {
 impl Warp {
     /// The last result of a tile.
     pub fn of(asset: &Asset, tile: usize) -> Warp {
-        let [nx, ny] = asset.tile_report(tile).unwrap().grid.map(|n| n as usize);
+        let [nx, ny] = asset.tile(tile).report().unwrap().grid.map(|n| n as usize);
         let u = asset.displacements(tile).unwrap();
         assert_eq!(u.len(), (nx + 1) * (ny + 1));
         Warp { nx, ny, u }

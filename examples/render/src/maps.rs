@@ -40,12 +40,12 @@ impl Solved {
             let Some(tile) = asset.find_tile(maps.udim) else { continue };
             let layout = ImageLayout::packed(maps.width, maps.height, PixelFormat::U8);
             let view = |bytes| ImageView::new("map", bytes, layout);
-            asset.set_rigidity(tile, Some(view(&maps.rigidity).map_err(said)?)).map_err(said)?;
+            asset.tile_mut(tile).set_rigidity(Some(view(&maps.rigidity).map_err(said)?)).map_err(said)?;
             let mask = maps.mask.as_ref().map(|mask| view(mask)).transpose().map_err(said)?;
-            asset.set_mask(tile, mask).map_err(said)?;
+            asset.tile_mut(tile).set_mask(mask).map_err(said)?;
         }
         let tiles = 0..asset.tile_count();
-        let udims = tiles.map(|tile| asset.tile_info(tile).map(|info| info.udim));
+        let udims = tiles.map(|tile| asset.tile_mut(tile).info().map(|info| info.udim));
         let udims = udims.collect::<vrtm::Result<_>>().map_err(said)?;
         Ok(Solved { asset, udims })
     }
@@ -56,7 +56,8 @@ impl Solved {
     /// The errors of vrtm.
     pub fn set_grid(&mut self, cells: u32) -> Result<()> {
         let settings = TileSettings { grid: [Some(cells); 2], ..TileSettings::default() };
-        let set = (0..self.udims.len()).try_for_each(|tile| self.asset.set_settings(tile, &settings));
+        let set =
+            (0..self.udims.len()).try_for_each(|tile| self.asset.tile_mut(tile).set_settings(&settings));
         set.map_err(|error| error.to_string())
     }
 
@@ -89,7 +90,7 @@ impl Solved {
         let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(width, height, format) };
         let image = ImageViewMut::new("image", bytes, layout);
         image
-            .and_then(|mut image| self.asset.fetch(tile, kind, &mut image))
+            .and_then(|mut image| self.asset.tile(tile).fetch(kind, &mut image))
             .map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
@@ -131,7 +132,7 @@ impl Solved {
     /// The handle refers to memory as the image describes it, and nothing uses the image's texels during the call.
     pub unsafe fn write_delta(&self, tile: usize, image: &ExternalImage) -> Result<()> {
         // SAFETY: the caller's promise.
-        unsafe { self.asset.fetch_external(tile, FetchKind::RedirectionDelta, image) }
+        unsafe { self.asset.tile(tile).fetch_external(FetchKind::RedirectionDelta, image) }
             .map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
@@ -146,7 +147,10 @@ impl Solved {
             false => (FetchKind::Redirection, PixelFormat::F32),
         };
         let desc = MapDesc { kind, format, size: [side; 2] };
-        self.asset.inspect_map(tile, &desc).map_err(|error| format!("tile {}: {error}", self.udims[tile]))
+        self.asset
+            .tile(tile)
+            .inspect_map(&desc)
+            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
     /// The warped position of each node of a tile's grid, and the cells of the grid in u and v.
@@ -154,7 +158,7 @@ impl Solved {
     /// # Errors
     /// The errors of vrtm.
     pub fn warp(&self, tile: usize) -> Result<([usize; 2], Vec<[f32; 2]>)> {
-        let report = self.asset.tile_report(tile).map_err(|error| error.to_string())?;
+        let report = self.asset.tile(tile).report().map_err(|error| error.to_string())?;
         let nodes = self.fetch(tile, FetchKind::Warp, report.grid.map(|cells| cells + 1))?;
         Ok((report.grid.map(|cells| cells as usize), nodes))
     }

@@ -79,7 +79,7 @@ impl Beyond {
         let Some(tile) = self.tiles[page] else { return Ok(None) };
         let mut texels = vec![[0.0f32; 4]; size[0] as usize * size[1] as usize];
         let image = ImageViewMut::from_texels("image", &mut texels, size)?;
-        self.results.fetch_dilation(tile, self.reach, &mut image.with_origin(Origin::Bottom))?;
+        self.results.tile(tile).fetch_dilation(self.reach, &mut image.with_origin(Origin::Bottom))?;
         Ok(Some(texels))
     }
 

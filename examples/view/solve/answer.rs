@@ -59,7 +59,7 @@ impl Maps {
         let image = |kind, [width, height]: [u32; 2]| {
             let mut texels = vec![[0.0f32; 2]; width as usize * height as usize];
             let view = ImageViewMut::from_texels("image", &mut texels, [width, height])?;
-            asset.fetch(tile, kind, &mut view.with_origin(Origin::Bottom))?;
+            asset.tile(tile).fetch(kind, &mut view.with_origin(Origin::Bottom))?;
             vrtm::Result::Ok(texels)
         };
         let delta = image(FetchKind::RedirectionDelta, size)?;

@@ -148,14 +148,14 @@ impl Open {
             let mask = open.model.pages[page].mask.clone();
             let Some((place, mask)) = open.place_of(page).zip(mask) else { continue };
             let layout = ImageLayout::packed(mask.size[0], mask.size[1], mask.format);
-            open.asset.set_mask(place, Some(ImageView::new("mask", &mask.bytes, layout)?))?;
+            open.asset.tile_mut(place).set_mask(Some(ImageView::new("mask", &mask.bytes, layout)?))?;
         }
         open.set(settings)?;
         Ok(open)
     }
 
     fn set(&mut self, settings: &TileSettings) -> vrtm::Result<()> {
-        self.tiles.iter().flatten().try_for_each(|&tile| self.asset.set_settings(tile, settings))
+        self.tiles.iter().flatten().try_for_each(|&tile| self.asset.tile_mut(tile).set_settings(settings))
     }
 
     /// The asset's tile that stands for all layers of a page.
@@ -171,8 +171,8 @@ impl Open {
         let layout = ImageLayout::packed(size[0], size[1], PixelFormat::U16);
         let view = ImageView::new("rigidity", bytemuck::cast_slice(texels), layout)?;
         match part {
-            Some(rect) => self.asset.update_rigidity(place, view, rect.first, rect.size),
-            None => self.asset.set_rigidity(place, Some(view)),
+            Some(rect) => self.asset.tile_mut(place).update_rigidity(view, rect.first, rect.size),
+            None => self.asset.tile_mut(place).set_rigidity(Some(view)),
         }
     }
 
@@ -186,7 +186,7 @@ impl Open {
         let start = Instant::now();
         // Grids that changed are built first, so that their time stands apart.
         for &tile in self.tiles.iter().flatten() {
-            self.asset.tile_info(tile)?;
+            self.asset.tile_mut(tile).info()?;
         }
         let build_ms = milliseconds(start);
         let options = SolveOptions {
@@ -209,7 +209,7 @@ impl Open {
         let mut tiles = Vec::new();
         for (k, place) in self.tiles.iter().enumerate() {
             let report = match place {
-                Some(tile) => self.asset.tile_report(*tile)?,
+                Some(tile) => self.asset.tile(*tile).report()?,
                 None => Default::default(),
             };
             if report.charts_active > 0 {

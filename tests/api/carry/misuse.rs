@@ -197,7 +197,7 @@ fn points_are_an_output_of_a_solve() {
     assert_eq!(positions, fetch(&carrier).positions);
     let mut alone = vec![0u8; 8 * 8 * 8];
     let mut view = ImageViewMut::new("image", &mut alone, layout).unwrap();
-    asset.fetch(0, FetchKind::Redirection, &mut view).unwrap();
+    asset.tile(0).fetch(FetchKind::Redirection, &mut view).unwrap();
     assert_eq!(image, alone);
 }
 
@@ -241,17 +241,17 @@ fn it_follows_other_grids_and_maps_and_outlives_the_asset() {
     let carrier = by_uv(&asset, &points, None, Fit::Feature, 0);
     solve(&mut asset, &pose);
     let first = fetch(&carrier);
-    let settings = TileSettings { grid: [Some(64); 2], ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    let settings = TileSettings { grid: [Some(64); 2], ..asset.tile_mut(0).settings().unwrap() };
+    asset.tile_mut(0).set_settings(&settings).unwrap();
     assert_eq!(fetch(&carrier), first, "settings change nothing before the next solve");
     solve(&mut asset, &pose);
     let second = fetch(&carrier);
     let mut other = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), settings);
-    other.set_settings(0, &settings).unwrap();
+    other.tile_mut(0).set_settings(&settings).unwrap();
     let fresh = by_uv(&other, &points, None, Fit::Feature, 0);
     solve(&mut other, &pose);
     assert!(fetch(&fresh) == second && second != first);
-    asset.set_rigidity(0, None).unwrap();
+    asset.tile_mut(0).set_rigidity(None).unwrap();
     solve(&mut asset, &pose);
     assert_eq!((fetch(&carrier).uvs.len(), carrier.info().features), (81, 0));
     drop(asset);

@@ -144,9 +144,9 @@ impl Sheet {
         let map: Vec<u8> = (0..size * size).map(texel).collect();
         for tile in 0..asset.tile_count() {
             let view = ImageView::from_texels("rigidity", &map, [size, size]).unwrap();
-            asset.set_rigidity(tile, Some(view)).unwrap();
+            asset.tile_mut(tile).set_rigidity(Some(view)).unwrap();
             let settings = TileSettings { grid: [Some(grid); 2], ..settings };
-            asset.set_settings(tile, &settings).unwrap();
+            asset.tile_mut(tile).set_settings(&settings).unwrap();
         }
         asset
     }

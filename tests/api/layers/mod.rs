@@ -133,20 +133,20 @@ fn mirrored_halves_both_move_and_stay_without_layers() {
         let mut asset = stack.asset(&device, most, None);
         asset.solve(stack.positions(), &options).unwrap();
         assert_eq!(asset.tile_count(), 1);
-        let info = asset.tile_info(0).unwrap();
+        let info = asset.tile_mut(0).info().unwrap();
         assert_eq!((info.layer, info.layers, info.movable_nodes), (0, 1, 0));
         assert_eq!(info.rigid_overlapped, info.rigid_nodes);
-        assert_eq!(asset.tile_report(0).unwrap().strain.unwrap().segments, 0);
+        assert_eq!(asset.tile(0).report().unwrap().strain.unwrap().segments, 0);
     }
     let mut asset = stack.asset(&device, MOST, None);
     asset.solve(stack.positions(), &options).unwrap();
     assert_eq!(asset.tile_count(), 2);
     for layer in 0..2 {
-        let info = asset.tile_info(layer).unwrap();
+        let info = asset.tile_mut(layer).info().unwrap();
         assert_eq!((info.udim, info.layer, info.layers), (1001, layer as u32, 2));
         assert_eq!((info.rigid_overlapped, info.overlap), (0, 0.0));
         assert!(info.rigid_nodes > 200);
-        let strain = asset.tile_report(layer).unwrap().strain.unwrap();
+        let strain = asset.tile(layer).report().unwrap().strain.unwrap();
         assert!(strain.after.rms < strain.before.rms / 3.0, "{strain:?}");
     }
 }
@@ -162,30 +162,32 @@ fn layers_share_maps_and_settings() {
     let before = solved(&mut asset);
     let held = device.info().bytes_held;
     // What is set for the second layer holds for the first one.
-    asset.set_rigidity(1, None).unwrap();
+    asset.tile_mut(1).set_rigidity(None).unwrap();
     assert!(solved(&mut asset).iter().all(|u| *u == [0; 2]));
-    asset.set_rigidity(1, Some(vrtm_testkit::view(&stack.rigidity, 64, 64))).unwrap();
+    asset.tile_mut(1).set_rigidity(Some(vrtm_testkit::view(&stack.rigidity, 64, 64))).unwrap();
     assert!(solved(&mut asset) == before);
     assert_eq!(device.info().bytes_held, held);
-    let settings = TileSettings { room: 0.1, ..asset.settings(1).unwrap() };
-    asset.set_settings(1, &settings).unwrap();
-    assert_eq!(asset.settings(0).unwrap(), settings);
-    asset.set_settings(0, &TileSettings { room: 0.3, ..settings }).unwrap();
-    asset.set_mask(1, Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
+    let settings = TileSettings { room: 0.1, ..asset.tile_mut(1).settings().unwrap() };
+    asset.tile_mut(1).set_settings(&settings).unwrap();
+    assert_eq!(asset.tile_mut(0).settings().unwrap(), settings);
+    asset.tile_mut(0).set_settings(&TileSettings { room: 0.3, ..settings }).unwrap();
+    asset.tile_mut(1).set_mask(Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
     assert!(solved(&mut asset).iter().all(|u| *u == [0; 2]));
-    asset.set_mask(0, None).unwrap();
+    asset.tile_mut(0).set_mask(None).unwrap();
     // A stroke changes both, too, as if the whole map had been set.
     let mut painted = stack.rigidity.clone();
     for y in 20..30 {
         painted[y * 64 + 20..y * 64 + 40].fill(255);
     }
-    asset.update_rigidity(1, vrtm_testkit::view(&painted, 64, 64), [20, 20], [20, 10]).unwrap();
+    asset.tile_mut(1).update_rigidity(vrtm_testkit::view(&painted, 64, 64), [20, 20], [20, 10]).unwrap();
     let stroke = solved(&mut asset);
-    asset.set_rigidity(0, Some(vrtm_testkit::view(&painted, 64, 64))).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&painted, 64, 64))).unwrap();
     assert!(solved(&mut asset) == stroke && stroke != before);
     // A part outside of the map changes neither.
-    let error =
-        asset.update_rigidity(1, vrtm_testkit::view(&painted, 64, 64), [60, 0], [20, 10]).unwrap_err();
+    let error = asset
+        .tile_mut(1)
+        .update_rigidity(vrtm_testkit::view(&painted, 64, 64), [60, 0], [20, 10])
+        .unwrap_err();
     assert_eq!(error.kind, ErrorKind::InvalidArgument);
     assert!(solved(&mut asset) == stroke);
 }
@@ -198,15 +200,15 @@ fn as_many_layers_as_are_allowed() {
     let mut asset = stack.asset(&device, MOST, None);
     assert_eq!(layers(&stack, &asset), (0..30).collect::<Vec<u32>>());
     asset.solve(stack.positions(), &SolveOptions::default()).unwrap();
-    assert!((0..30).all(|layer| asset.tile_report(layer).unwrap().max_displacement > 0.1));
+    assert!((0..30).all(|layer| asset.tile(layer).report().unwrap().max_displacement > 0.1));
     // Too few: the islands that are left over share the last layer, where nothing moves.
     let mut asset = stack.asset(&device, 4, None);
     let expected: Vec<u32> = (0..30).map(|k| k.min(3)).collect();
     assert_eq!(layers(&stack, &asset), expected);
     asset.solve(stack.positions(), &SolveOptions::default()).unwrap();
-    let moves = |layer: usize| asset.tile_report(layer).unwrap().max_displacement > 0.1;
+    let moves = |layer: usize| asset.tile(layer).report().unwrap().max_displacement > 0.1;
     assert_eq!([0, 1, 2, 3].map(moves), [true, true, true, false]);
-    assert_eq!(asset.tile_info(3).unwrap().overlap, 1.0);
+    assert_eq!(asset.tile_mut(3).info().unwrap().overlap, 1.0);
 }
 
 /// A ring-like strip of squares that goes around more than once lies over itself: it is one chart, which stays where it
@@ -235,7 +237,7 @@ fn a_chart_that_lies_over_itself_stays_there() {
     indices.extend(quads([SIDE, TURNS], 0).chunks_exact(4).flat_map(|q| [q[0], q[3], q[2], q[1]]));
     (stack.rest, stack.pose, stack.uvs, stack.indices) = (rest, pose, uvs, indices);
     let mut asset = stack.asset(&cpu(2), MOST, None);
-    let info = asset.tile_info(0).unwrap();
+    let info = asset.tile_mut(0).info().unwrap();
     assert_eq!((asset.tile_count(), info.charts, info.layers), (1, 1, 1));
     assert!(info.overlap > 0.4 && info.rigid_overlapped > 0 && info.movable_nodes > 100, "{info:?}");
     asset.solve(stack.positions(), &SolveOptions::default()).unwrap();
@@ -255,7 +257,7 @@ fn unique_layouts_have_one_layer_and_the_same_bits() {
         let [alone, layered] = [0, MOST].map(|most| {
             model.max_layers = most;
             let mut asset = model.solved(&cpu(2), 64, 1, &SolveOptions::default());
-            (asset.tile_count(), bits(&asset), asset.saved_tile_size(0).unwrap())
+            (asset.tile_count(), bits(&asset), asset.tile_mut(0).saved_size().unwrap())
         });
         assert!(alone == layered, "{scene}");
     }
@@ -314,7 +316,7 @@ fn a_layer_is_what_a_tile_of_its_own_would_be() {
             asset
                 .solve(stack.positions(), &SolveOptions { measure: true, ..SolveOptions::default() })
                 .unwrap();
-            let strain = [0, 1].map(|tile| asset.tile_report(tile).unwrap().strain.unwrap());
+            let strain = [0, 1].map(|tile| asset.tile(tile).report().unwrap().strain.unwrap());
             (bits(&asset), strain)
         });
         assert!(layered == apart, "{seams:?}");
@@ -349,7 +351,7 @@ fn nothing_leads_beyond_a_border_into_a_chart_of_another_layer() {
         let own = |n: usize| (dilated[n][0] - (n % 256) as f32 / 256.0 - 0.5 / 256.0).abs() < 1e-6;
         // A few texels beyond the border, at half of its height.
         let beside = (40..62).all(|x| own(128 * 256 + x));
-        (all.fold(1.0, f32::min), asset.tile_report(0).unwrap().texels_limited, beside)
+        (all.fold(1.0, f32::min), asset.tile(0).report().unwrap().texels_limited, beside)
     });
     let [stacked, apart] = farthest;
     assert!(stacked.0 > 0.2499 && stacked.1 > 50 && stacked.2, "{farthest:?}");

@@ -185,8 +185,8 @@ impl Stack {
         let mut asset = Asset::new(device, &source).unwrap();
         let settings = TileSettings { grid: [Some(GRID); 2], ..TileSettings::default() };
         for tile in 0..asset.tile_count() {
-            asset.set_rigidity(tile, Some(view(&self.rigidity, MAP, MAP))).unwrap();
-            asset.set_settings(tile, &settings).unwrap();
+            asset.tile_mut(tile).set_rigidity(Some(view(&self.rigidity, MAP, MAP))).unwrap();
+            asset.tile_mut(tile).set_settings(&settings).unwrap();
         }
         asset
     }

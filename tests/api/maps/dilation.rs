@@ -95,7 +95,7 @@ impl Painted {
         let before = self.textures.clone();
         let (mut copied, mut beside, mut different) = (0, 0, 0);
         for tile in 0..asset.tile_count() {
-            let tile_udim = asset.results().tile_udim(tile).0;
+            let tile_udim = asset.tile(tile).udim();
             let origin = [(tile_udim - 1001) % 10, (tile_udim - 1001) / 10].map(f64::from);
             // u, v, 0 and whether they are known.
             let texels = dilation(&asset, tile, reach, SIZE as u32, [f32::NAN; 4]);
@@ -218,7 +218,7 @@ fn bad_arguments_are_named() {
         let mut bytes = vec![7; 16 * 16 * 16];
         let layout = ImageLayout::packed(16, 16, PixelFormat::F32).with_channels(channels);
         let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-        let error = asset.results().fetch_dilation(tile, reach, &mut image).unwrap_err();
+        let error = asset.results().tile(tile).fetch_dilation(reach, &mut image).unwrap_err();
         assert!(bytes.iter().all(|&b| b == 7), "something was written");
         assert_eq!(error.kind, ErrorKind::InvalidArgument);
         error.to_string()

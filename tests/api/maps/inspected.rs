@@ -10,7 +10,7 @@ fn desc(size: [u32; 2]) -> MapDesc {
 }
 
 fn inspect(asset: &Asset, desc: MapDesc) -> MapReport {
-    asset.inspect_map(0, &desc).unwrap()
+    asset.tile(0).inspect_map(&desc).unwrap()
 }
 
 #[test]
@@ -110,10 +110,10 @@ fn a_result_at_rest_has_no_error() {
 fn impossible_maps_are_refused() {
     let model = Model::from(scenes::analytic::bulge());
     let mut asset = model.asset(0, 64);
-    assert_eq!(asset.inspect_map(0, &desc([8, 8])).unwrap_err().kind, ErrorKind::NotSolved);
+    assert_eq!(asset.tile(0).inspect_map(&desc([8, 8])).unwrap_err().kind, ErrorKind::NotSolved);
     asset.solve(model.frame(1), &vrtm::SolveOptions::default()).unwrap();
     let refused = |desc: MapDesc, kind, text: &str| {
-        let error = asset.inspect_map(0, &desc).unwrap_err();
+        let error = asset.tile(0).inspect_map(&desc).unwrap_err();
         assert!(error.kind == kind && error.message.contains(text), "{error:?}");
     };
     for kind in [FetchKind::Warp, FetchKind::Jacobian, FetchKind::FilterScale] {
@@ -123,5 +123,5 @@ fn impossible_maps_are_refused() {
     for size in [[0, 8], [8, 16385]] {
         refused(desc(size), ErrorKind::InvalidArgument, "size");
     }
-    assert_eq!(asset.inspect_map(1, &desc([8, 8])).unwrap_err().kind, ErrorKind::InvalidArgument);
+    assert_eq!(asset.tile(1).inspect_map(&desc([8, 8])).unwrap_err().kind, ErrorKind::InvalidArgument);
 }

@@ -229,7 +229,7 @@ fn channels_that_a_kind_does_not_have_are_refused() {
         for channels in (1..=4).filter(|n| !good.contains(n)) {
             let layout = ImageLayout::packed(8, 8, PixelFormat::F32).with_channels(channels);
             let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-            let error = asset.fetch(0, kind, &mut image).unwrap_err();
+            let error = asset.tile(0).fetch(kind, &mut image).unwrap_err();
             assert_eq!(error.kind, ErrorKind::InvalidArgument);
             assert!(error.message.starts_with(&format!("image: {channels} channels")), "{}", error.message);
         }

@@ -19,7 +19,7 @@ fn map(asset: &Asset, tile: usize, kind: FetchKind, size: [u32; 2], channels: u3
     let mut bytes: Vec<u8> = f32::NAN.to_ne_bytes().into_iter().cycle().take(4 * texels).collect();
     let layout = ImageLayout::packed(size[0], size[1], PixelFormat::F32).with_channels(channels);
     let layout = ImageLayout { origin: Origin::Bottom, ..layout };
-    asset.fetch(tile, kind, &mut ImageViewMut::new("image", &mut bytes, layout).unwrap()).unwrap();
+    asset.tile(tile).fetch(kind, &mut ImageViewMut::new("image", &mut bytes, layout).unwrap()).unwrap();
     bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 

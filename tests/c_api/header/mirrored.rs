@@ -26,7 +26,7 @@ const OTHER_NAMES: [(&str, &str); 6] = [
     ("DeviceInfo::reason", "vrtm_device_get_info"),
     ("DeviceSettings", "vrtm_device_desc"),
     ("MeshSource::max_layers", "vrtm_mesh_desc.max_layers"),
-    ("Results::fetch_dilation", "vrtm_tile_fetch_dilation"),
+    ("Tile::fetch_dilation", "vrtm_tile_fetch_dilation"),
     ("Weld::uv_tolerance", "vrtm_mesh_desc.weld_uv_tolerance"),
     ("WeldBy::Position", "VRTM_WELD_POSITION"),
 ];

@@ -26,12 +26,12 @@ pub fn result(asset: &mut Asset) -> Hash {
     hash.integers(bits(asset).into_iter().flatten());
     for tile in 0..asset.tile_count() {
         hash.image(asset, tile, FetchKind::Redirection, PixelFormat::F32);
-        let info = asset.tile_info(tile).unwrap();
+        let info = asset.tile_mut(tile).info().unwrap();
         hash.integers([info.charts, info.layer, info.grid[0], info.grid[1]]);
         for n in [info.movable_nodes, info.rigid_nodes, info.gap_nodes, info.border_edges, info.edges_apart] {
             hash.add(n);
         }
-        let report = asset.tile_report(tile).unwrap();
+        let report = asset.tile(tile).report().unwrap();
         for x in [report.energy_before, report.energy, report.min_jacobian] {
             hash.add(x.to_bits());
         }
@@ -61,7 +61,7 @@ impl Hash {
         let layout = ImageLayout::packed(SIZE[0], SIZE[1], format).with_channels(kind.channels());
         let size = (SIZE[0] * SIZE[1] * kind.channels()) as usize * format.size();
         self.bytes(size, |bytes| {
-            asset.fetch(tile, kind, &mut ImageViewMut::new("image", bytes, layout).unwrap()).unwrap();
+            asset.tile(tile).fetch(kind, &mut ImageViewMut::new("image", bytes, layout).unwrap()).unwrap();
         });
     }
 
@@ -70,7 +70,7 @@ impl Hash {
         let layout = layout.with_channels(4);
         self.bytes((SIZE[0] * SIZE[1]) as usize * 4 * format.size(), |bytes| {
             let mut image = ImageViewMut::new("image", bytes, layout).unwrap();
-            asset.results().fetch_dilation(tile, 0.05, &mut image).unwrap();
+            asset.results().tile(tile).fetch_dilation(0.05, &mut image).unwrap();
         });
     }
 

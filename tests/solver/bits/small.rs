@@ -48,7 +48,7 @@ impl Small {
     pub fn hash(&self, device: &Device) -> Hash {
         let mut asset = self.model.asset_on(device, 16);
         let settings = TileSettings { grid: self.grid.map(Some), ..self.settings };
-        (0..asset.tile_count()).for_each(|tile| asset.set_settings(tile, &settings).unwrap());
+        (0..asset.tile_count()).for_each(|tile| asset.tile_mut(tile).set_settings(&settings).unwrap());
         (self.prepare)(&mut asset);
         for &frame in &self.frames {
             asset.solve(self.model.frame(frame), &self.options).unwrap();
@@ -184,7 +184,7 @@ fn maps(list: &mut Vec<Small>) {
     ) {
         let bytes: Vec<u8> = (0..SIDE * SIDE).flat_map(|k| texel(value(k))).collect();
         let layout = ImageLayout { origin, ..ImageLayout::packed(SIDE, SIDE, format) };
-        asset.set_rigidity(0, Some(ImageView::new("map", &bytes, layout).unwrap())).unwrap();
+        asset.tile_mut(0).set_rigidity(Some(ImageView::new("map", &bytes, layout).unwrap())).unwrap();
     }
     fn of_vertices(asset: &Asset, least: f32) -> Vec<f32> {
         (0..asset.info().vertices).map(|v| if v % 7 < 3 { 1.0 } else { least }).collect()
@@ -200,12 +200,12 @@ fn maps(list: &mut Vec<Small>) {
         ("rigidity of floats", |asset| paint(asset, PixelFormat::F32, Origin::Top, f32::to_ne_bytes)),
         ("rigidity of vertices", |asset| {
             let values = of_vertices(asset, 0.1);
-            asset.set_rigidity(0, None).unwrap();
+            asset.tile_mut(0).set_rigidity(None).unwrap();
             asset.set_vertex_rigidity(Some(Strided::from_slice(&values))).unwrap();
         }),
         ("a mask", |asset| {
             let mask: Vec<u8> = (0..32 * 32).map(|k| if k % 32 / 9 == 1 { 0 } else { 255 }).collect();
-            asset.set_mask(0, Some(view(&mask, 32, 32))).unwrap();
+            asset.tile_mut(0).set_mask(Some(view(&mask, 32, 32))).unwrap();
         }),
         ("a mask of vertices", |asset| {
             let values: Vec<f32> = of_vertices(asset, 0.0).iter().map(|x| 1.0 - x).collect();
@@ -213,7 +213,7 @@ fn maps(list: &mut Vec<Small>) {
         }),
         ("a stroke", |asset| {
             let stroke = vec![255; 512 * 512];
-            asset.update_rigidity(0, view(&stroke, 512, 512), [200, 180], [90, 120]).unwrap();
+            asset.tile_mut(0).update_rigidity(view(&stroke, 512, 512), [200, 180], [90, 120]).unwrap();
         }),
     ];
     for (what, prepare) in changes {
@@ -273,7 +273,7 @@ pub fn outputs(device: &Device) -> Vec<(&'static str, Hash)> {
     for tile in 0..asset.tile_count() {
         let grid = [Some(if tile < 2 { 80 } else { 16 }); 2];
         let settings = TileSettings { grid, seams: Seams::Continue, ..TileSettings::default() };
-        asset.set_settings(tile, &settings).unwrap();
+        asset.tile_mut(tile).set_settings(&settings).unwrap();
     }
     asset.solve(model.frame(3), &options(Quality::Normal)).unwrap();
     let tile = asset.find_tile(1002).unwrap();

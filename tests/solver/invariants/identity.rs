@@ -79,7 +79,7 @@ fn far_is_as_good_as_near(device: &Device, models: &[Model], grid: u32) {
         asset.solve(Strided::from_slice(&pose), &SolveOptions::default()).unwrap();
         let near = model.solved(device, grid, 1, &SolveOptions::default());
         for tile in 0..asset.tile_count() {
-            let [a, b] = [&asset, &near].map(|asset| asset.tile_report(tile).unwrap());
+            let [a, b] = [&asset, &near].map(|asset| asset.tile(tile).report().unwrap());
             // Rounding may send a crowded chart to another minimum, whose energy is as low, to a per mille or so.
             let slack = 0.005 * a.energy_before.max(b.energy_before);
             assert!((a.energy - b.energy).abs() <= slack, "{}: {} {}", model.name, a.energy, b.energy);

@@ -33,7 +33,7 @@ fn masks_hold(device: &Device, quality: Quality) {
     let model = Model::from(vrtm_testkit::scenes::analytic::shear(0.5));
     for (name, mask) in masks() {
         let mut asset = model.asset_on(device, N);
-        asset.set_mask(0, Some(vrtm_testkit::view(&mask, N, N))).unwrap();
+        asset.tile_mut(0).set_mask(Some(vrtm_testkit::view(&mask, N, N))).unwrap();
         asset.solve(model.frame(1), &options(quality)).unwrap();
         let warp = Warp::of(&asset, 0);
         let width = N as usize + 1;
@@ -52,7 +52,7 @@ fn masks_hold(device: &Device, quality: Quality) {
         assert!(warp.min_jacobian() > 0.0, "{name}");
         let is_identity = matches!(name, "checkerboard of 1" | "everything");
         assert_eq!(moved == 0, is_identity, "{name}: {moved} nodes moved");
-        let report = asset.tile_report(0).unwrap();
+        let report = asset.tile(0).report().unwrap();
         assert!(is_identity || report.energy < report.energy_before, "{name}");
     }
 }
@@ -71,35 +71,41 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
     let mut seen = vec![];
     type Change<'a> = Box<dyn Fn(&mut vrtm::Asset) + 'a>;
     let settings =
-        |asset: &mut vrtm::Asset, settings: TileSettings| asset.set_settings(0, &settings).unwrap();
+        |asset: &mut vrtm::Asset, settings: TileSettings| asset.tile_mut(0).set_settings(&settings).unwrap();
     let grid = TileSettings { grid: [Some(N); 2], ..TileSettings::default() };
     // Each change sets all inputs that it depends on, so that it can be applied to a fresh asset, too.
     let changes: Vec<(&str, Change)> = vec![
         ("as it was", Box::new(|_| {})),
-        ("mask", Box::new(|a| a.set_mask(0, Some(vrtm_testkit::view(&line, N, N))).unwrap())),
-        ("another mask", Box::new(|a| a.set_mask(0, Some(vrtm_testkit::view(&holes, N, N))).unwrap())),
-        ("no mask", Box::new(|a| a.set_mask(0, None).unwrap())),
-        ("rigidity", Box::new(|a| a.set_rigidity(0, Some(vrtm_testkit::view(&other, w, h))).unwrap())),
+        ("mask", Box::new(|a| a.tile_mut(0).set_mask(Some(vrtm_testkit::view(&line, N, N))).unwrap())),
+        (
+            "another mask",
+            Box::new(|a| a.tile_mut(0).set_mask(Some(vrtm_testkit::view(&holes, N, N))).unwrap()),
+        ),
+        ("no mask", Box::new(|a| a.tile_mut(0).set_mask(None).unwrap())),
+        (
+            "rigidity",
+            Box::new(|a| a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&other, w, h))).unwrap()),
+        ),
         (
             "finer",
             Box::new(|a| {
-                a.set_rigidity(0, Some(vrtm_testkit::view(&other, w, h))).unwrap();
+                a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&other, w, h))).unwrap();
                 settings(a, TileSettings { grid: [Some(320), Some(272)], ..grid });
             }),
         ),
         (
             "smoother",
             Box::new(|a| {
-                a.set_rigidity(0, Some(vrtm_testkit::view(&other, w, h))).unwrap();
+                a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&other, w, h))).unwrap();
                 settings(a, TileSettings { smoothness: 0.2, room: 0.1, ..grid });
             }),
         ),
-        ("nothing rigid", Box::new(|a| a.set_rigidity(0, None).unwrap())),
+        ("nothing rigid", Box::new(|a| a.tile_mut(0).set_rigidity(None).unwrap())),
         (
             "as at first",
             Box::new(|a| {
                 settings(a, grid);
-                a.set_rigidity(0, Some(vrtm_testkit::view(&model.maps[0].rigidity, w, h))).unwrap();
+                a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&model.maps[0].rigidity, w, h))).unwrap();
             }),
         ),
     ];
@@ -131,7 +137,7 @@ fn vertex_rigidity_is_the_same_map_painted() {
         (0..512 * 512).flat_map(|k| (((k % 512) as f32 + 0.5) / 512.0).to_ne_bytes()).collect();
     let layout = ImageLayout::packed(512, 512, PixelFormat::F32);
     let mut asset = model.asset(0, N);
-    asset.set_rigidity(0, Some(ImageView::new("map", &ramp, layout).unwrap())).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(ImageView::new("map", &ramp, layout).unwrap())).unwrap();
     let options = SolveOptions { max_corrections: Some(7), ..SolveOptions::default() };
     asset.solve(model.frame(1), &options).unwrap();
     let painted = Warp::of(&asset, 0);
@@ -154,21 +160,22 @@ fn a_mask_per_vertex_is_the_same_mask_painted() {
     let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     let right = mask(|x, _| x < N / 2);
     let mut painted = model.asset(0, N);
-    painted.set_mask(0, Some(vrtm_testkit::view(&right, N, N))).unwrap();
+    painted.tile_mut(0).set_mask(Some(vrtm_testkit::view(&right, N, N))).unwrap();
     painted.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
     let mut asset = model.asset(0, N);
     asset.set_vertex_mask(Some(Strided::from_slice(&values))).unwrap();
-    let [all, some] = [&mut model.asset(0, N), &mut asset].map(|a| a.tile_estimate(0).unwrap().movable_nodes);
+    let [all, some] =
+        [&mut model.asset(0, N), &mut asset].map(|a| a.tile_mut(0).estimate().unwrap().movable_nodes);
     assert!(0 < some && some < all, "{some} of {all}");
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     assert!(bits(&asset) == bits(&painted));
     assert!(Warp::of(&asset, 0).longest() > 1.0);
     // What was prepared with this mask belongs to no other one.
-    let saved = asset.save_tile(0).unwrap();
-    assert!(asset.load_tile(0, &saved).is_ok());
+    let saved = asset.tile_mut(0).save().unwrap();
+    assert!(asset.tile_mut(0).load(&saved).is_ok());
     asset.set_vertex_mask(Some(Strided::from_slice(&vec![0.75; values.len()]))).unwrap();
-    assert!(asset.load_tile(0, &saved).is_err());
+    assert!(asset.tile_mut(0).load(&saved).is_err());
     // A mask that holds nothing, and no mask, are the same.
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     let held_nothing = bits(&asset);

@@ -12,7 +12,7 @@ fn solved(model: &Model) -> Asset {
 
 fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fill: u8) -> Vec<u8> {
     let mut out = vec![fill; bytes];
-    asset.fetch(0, kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
+    asset.tile(0).fetch(kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
     out
 }
 
@@ -137,7 +137,7 @@ fn corner_uvs_are_the_inverse_of_the_warp() {
             let origin = [0, 1].map(|k| centre(k).floor());
             let udim = 1001 + origin[0] as u32 + 10 * origin[1] as u32;
             let Some(tile) = asset.find_tile(udim) else { continue };
-            let n = f64::from(asset.tile_info(tile).unwrap().grid[0]);
+            let n = f64::from(asset.tile_mut(tile).info().unwrap().grid[0]);
             let warp = Warp::of(&asset, tile);
             for c in face.clone() {
                 let [p, q] =

@@ -19,7 +19,7 @@ fn any_number_of_threads() {
         let solve = |threads: u32| {
             let mut asset = model.solved(&vrtm_testkit::cpu(threads), 256, 1, &SolveOptions::default());
             let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [200, 200]);
-            let report = asset.tile_report(0).unwrap();
+            let report = asset.tile(0).report().unwrap();
             let redirection: Vec<_> = redirection.iter().map(|uv| uv.map(f32::to_bits)).collect();
             (bits(&asset), redirection, report.energy.to_bits(), report.min_jacobian.to_bits())
         };
@@ -98,19 +98,19 @@ fn unchanged_charts_are_reused(device: &Device, grid: u32) {
         assert!(bits(&asset) == bits(&fresh), "{}", model.name);
         // The report contains the energies of reused charts, too.
         for tile in 0..asset.tile_count() {
-            let [a, b] = [&asset, &fresh].map(|asset| asset.tile_report(tile).unwrap());
+            let [a, b] = [&asset, &fresh].map(|asset| asset.tile(tile).report().unwrap());
             assert_eq!((a.energy_before, a.energy), (b.energy_before, b.energy), "{}", model.name);
             assert_eq!((a.min_jacobian, a.folds), (b.min_jacobian, b.folds), "{}", model.name);
         }
         // A changed setting is a changed input: nothing is reused.
-        let settings = vrtm::TileSettings { smoothness: 0.1, ..asset.settings(0).unwrap() };
-        asset.set_settings(0, &settings).unwrap();
+        let settings = vrtm::TileSettings { smoothness: 0.1, ..asset.tile_mut(0).settings().unwrap() };
+        asset.tile_mut(0).set_settings(&settings).unwrap();
         asset.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
-        fresh.set_settings(0, &settings).unwrap();
+        fresh.tile_mut(0).set_settings(&settings).unwrap();
         fresh.solve(model.frame(model.frames.len()), &options(Quality::Draft)).unwrap();
         fresh.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
         assert!(bits(&asset) == bits(&fresh), "{}", model.name);
-        assert!(asset.tile_report(0).unwrap().charts_reused == 0, "{}", model.name);
+        assert!(asset.tile(0).report().unwrap().charts_reused == 0, "{}", model.name);
     }
 }
 
@@ -142,11 +142,11 @@ fn older_results_leave_no_trace(device: &Device, grid: u32) {
         assert!(bits(&asset) == alone[frame - 1], "step {step}");
         if step % 3 == 1 {
             // A setting that changed leaves no chart to keep.
-            let settings = asset.settings(0).unwrap();
-            asset.set_settings(0, &vrtm::TileSettings { smoothness: 0.1, ..settings }).unwrap();
+            let settings = asset.tile_mut(0).settings().unwrap();
+            asset.tile_mut(0).set_settings(&vrtm::TileSettings { smoothness: 0.1, ..settings }).unwrap();
             asset.solve(creature.frame(frame), &no_time).unwrap();
             assert!(bits(&asset) != alone[frame - 1], "step {step}");
-            asset.set_settings(0, &settings).unwrap();
+            asset.tile_mut(0).set_settings(&settings).unwrap();
         }
     }
 }
@@ -162,7 +162,7 @@ fn failed_calls_leave_the_result(device: &Device, grid: u32) {
     let nothing = asset.displacements(0);
     assert!(nothing.is_err(), "there is no result before the first solve");
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-    let (result, report) = (bits(&asset), asset.tile_report(0).unwrap());
+    let (result, report) = (bits(&asset), asset.tile(0).report().unwrap());
     let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [128, 128]);
     let corners = vrtm_testkit::corner_uvs(&asset);
 
@@ -178,20 +178,20 @@ fn failed_calls_leave_the_result(device: &Device, grid: u32) {
     assert!(asset.solve(model.frame(1), &bad).is_err());
     let layout = ImageLayout::packed(2, 1, PixelFormat::F32);
     let bytes: Vec<u8> = [0.5, f32::NAN].iter().flat_map(|x: &f32| x.to_ne_bytes()).collect();
-    assert!(asset.set_rigidity(0, Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
-    assert!(asset.set_mask(0, Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
+    assert!(asset.tile_mut(0).set_rigidity(Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
+    assert!(asset.tile_mut(0).set_mask(Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
     assert!(asset.set_vertex_rigidity(Some(Strided::from_slice(&[f32::NAN]))).is_err());
     assert!(asset.corner_uvs(&mut [[0.0; 2]]).is_err());
 
     assert!(bits(&asset) == result);
-    let after = asset.tile_report(0).unwrap();
+    let after = asset.tile(0).report().unwrap();
     assert_eq!((after.energy, after.nodes_active), (report.energy, report.nodes_active));
     assert_eq!(fetch(&mut asset, 0, FetchKind::Redirection, [128, 128]), redirection);
     let again = vrtm_testkit::corner_uvs(&asset);
     assert_eq!(corners, again);
     // The next solve still reuses the result.
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-    assert_eq!(asset.tile_report(0).unwrap().charts_active, 0);
+    assert_eq!(asset.tile(0).report().unwrap().charts_active, 0);
     assert!(bits(&asset) == result);
 }
 
@@ -228,7 +228,7 @@ fn charts_are_alone(device: &Device, grid: u32, max_corrections: Option<u32>) {
     let left = |right: f64| {
         let model = pair(right);
         let asset = model.solved(device, grid, 1, &options);
-        let report = asset.tile_report(0).unwrap();
+        let report = asset.tile(0).report().unwrap();
         println!(
             "right at {right}: {} charts solved, least J {:.4}",
             report.charts_active, report.min_jacobian

@@ -33,7 +33,7 @@ fn check_on_gpu(cases: &[Case]) {
 fn check_case(case: &Case, device: &Device) -> String {
     let mut asset = case.model.asset_on(device, case.grid);
     let fixed: Vec<Vec<bool>> = (0..asset.tile_count())
-        .map(|tile| fixed_nodes(case.model, asset.tile_info(tile).unwrap().udim, case.grid as usize))
+        .map(|tile| fixed_nodes(case.model, asset.tile_mut(tile).info().unwrap().udim, case.grid as usize))
         .collect();
     let mut worst = Worst::default();
     for &frame in &case.frames {
@@ -66,7 +66,7 @@ impl Default for Worst {
 
 fn check_tile(asset: &mut Asset, tile: usize, fixed: &[bool], name: &str, worst: &mut Worst) {
     let warp = Warp::of(asset, tile);
-    let report = asset.tile_report(tile).unwrap();
+    let report = asset.tile(tile).report().unwrap();
     // No folds, and the reported least Jacobian is that of the same displacements, evaluated here.
     let least = warp.min_jacobian();
     assert!(least > 0.0 && report.folds == 0, "{name}: least J {least}, {} folds", report.folds);

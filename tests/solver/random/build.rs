@@ -292,12 +292,12 @@ impl Recipe {
         })?;
         for tile in 0..asset.tile_count() {
             if let Rigidity::Map(layer) = &self.rigidity {
-                layer.with(|view| asset.set_rigidity(tile, Some(view)))?;
+                layer.with(|view| asset.tile_mut(tile).set_rigidity(Some(view)))?;
             }
             if let Some(layer) = &self.mask {
-                layer.with(|view| asset.set_mask(tile, Some(view)))?;
+                layer.with(|view| asset.tile_mut(tile).set_mask(Some(view)))?;
             }
-            asset.set_settings(tile, &self.settings)?;
+            asset.tile_mut(tile).set_settings(&self.settings)?;
         }
         if let Rigidity::Vertices(paint) = &self.rigidity {
             let size = [model.rest.len() as u32, 1];

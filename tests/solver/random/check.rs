@@ -106,7 +106,7 @@ fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Ve
 }
 
 fn warp(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], asset: &Asset, tile: usize, seen: &mut Seen) {
-    let report = asset.tile_report(tile).unwrap();
+    let report = asset.tile(tile).report().unwrap();
     let warps = warps(recipe, asset, tile);
     let warp = Warp::of(asset, tile);
     let finite = warps.iter().flat_map(|warp| &warp.u).flatten().all(|x| x.is_finite());
@@ -283,7 +283,7 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
         assert!(good, "texel {k} comes back {off:?} texels off");
         drawn_back += u64::from(off > 1e-3 && uv[3] > 0.0);
     }
-    let limited = asset.tile_report(tile).unwrap().texels_limited;
+    let limited = asset.tile(tile).report().unwrap().texels_limited;
     assert!(drawn_back <= limited, "{drawn_back} texels of charts are drawn back, but {limited} reported");
     floats.iter().map(|x| x.to_bits()).collect()
 }
@@ -391,11 +391,11 @@ fn refused(recipe: &Recipe, model: &Model, asset: &mut Asset, refusal: &Refusal)
         Refusal::NanTexel => {
             let bytes = f32::NAN.to_ne_bytes();
             let view = ImageView::new("map", &bytes, ImageLayout::packed(1, 1, PixelFormat::F32)).unwrap();
-            (asset.set_mask(0, Some(view)), "mask: texel (0, 0)".into())
+            (asset.tile_mut(0).set_mask(Some(view)), "mask: texel (0, 0)".into())
         }
         Refusal::BadSetting => {
             let settings = TileSettings { room: -1.0, overlap: Overlap::Fixed, ..recipe.settings };
-            (asset.set_settings(0, &settings), "settings.room: ".into())
+            (asset.tile_mut(0).set_settings(&settings), "settings.room: ".into())
         }
     };
     let error = result.expect_err(&argument);

@@ -101,7 +101,7 @@ fn solved(model: &Model, device: &Device) -> Asset {
 }
 
 fn energy(asset: &Asset) -> [f64; 2] {
-    let report = asset.tile_report(0).unwrap();
+    let report = asset.tile(0).report().unwrap();
     [report.energy_before, report.energy]
 }
 

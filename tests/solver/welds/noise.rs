@@ -67,7 +67,7 @@ fn vertices_an_ulp_apart_are_one_by_position() {
         noisy.weld = by(WeldBy::Position);
         let asset = solved(&noisy, &device);
         assert_eq!((asset.info().charts, asset.info().edges_apart), (1, 0));
-        assert_eq!(asset.tile_report(0).unwrap().welds_torn, 0);
+        assert_eq!(asset.tile(0).report().unwrap().welds_torn, 0);
         // 1000 away, coordinates themselves are rounded to 6e-5, 2e-3 of a quad.
         assert_near(energy(&asset), exact, if away > 0.0 { 0.3 } else { 1e-3 }, "positions");
     }
@@ -220,7 +220,7 @@ fn unwelded_assets_are_as_before_if_welded_by_position() {
         let (info, of_game) = (whole.info(), game.info());
         println!("{}: {} charts, {} edges apart", model.name, info.charts, info.edges_apart);
         assert_eq!((info.charts, info.border_edges), (of_game.charts, of_game.border_edges));
-        assert_eq!(game.tile_report(0).unwrap().welds_torn, 0);
+        assert_eq!(game.tile(0).report().unwrap().welds_torn, 0);
         assert!(bits(&whole) == bits(&game), "{}", model.name);
     }
 }

@@ -32,7 +32,7 @@ fn no_node_crosses_a_slit_that_is_closed_at_rest_and_opened_by_the_pose() {
             for weld in [WeldBy::Index, WeldBy::Position, WeldBy::Off] {
                 let model = Model { weld: by(weld), ..slit(two_vt).0 };
                 let asset = solved(&model, &device);
-                let (info, report) = (asset.info(), asset.tile_report(0).unwrap());
+                let (info, report) = (asset.info(), asset.tile(0).report().unwrap());
                 assert_eq!(info.charts, 1);
                 let torn = if weld == WeldBy::Position { QUADS as u32 / 2 } else { 0 };
                 assert_eq!((info.welded_edges, report.welds_torn), (torn.into(), torn), "{weld:?}");
@@ -60,7 +60,7 @@ fn a_torn_weld_is_the_cut_mesh_in_that_pose_alone() {
             closed[*old as usize] = closed[*new as usize];
         }
         torn.solve(Strided::from_slice(&closed), &options(Quality::Normal)).unwrap();
-        assert_eq!(torn.tile_report(0).unwrap().welds_torn, 0);
+        assert_eq!(torn.tile(0).report().unwrap().welds_torn, 0);
         let seamless = sheet(QUADS);
         let count = seamless.rest.len();
         let mut whole = seamless.asset_on(&device, GRID as u32);
@@ -76,16 +76,16 @@ fn a_torn_weld_is_the_cut_mesh_in_that_pose_alone() {
         torn.solve(Strided::from_slice(&pose), &options(Quality::Normal)).unwrap();
         let first = half[0][0] - 1;
         let seams: Vec<[u32; 2]> = (0..=half.len() as u32).map(|k| [first + k, first + k + 1]).collect();
-        assert_eq!(torn.tile_report(0).unwrap().welds_torn as usize, seams.len());
+        assert_eq!(torn.tile(0).report().unwrap().welds_torn as usize, seams.len());
         let cut = Model { seams, ..welded.clone() };
         let mut cut = cut.asset_on(&device, GRID as u32);
         cut.solve(Strided::from_slice(&pose), &options(Quality::Normal)).unwrap();
-        assert_eq!(cut.tile_report(0).unwrap().welds_torn, 0);
+        assert_eq!(cut.tile(0).report().unwrap().welds_torn, 0);
         assert!(bits(&cut) == bits(&torn), "a torn weld is not a seam");
         assert!(corner_uvs(&cut) == corner_uvs(&torn));
         // Poses that tear nothing build nothing anew, whatever was torn before.
         torn.solve(Strided::from_slice(&closed), &options(Quality::Normal)).unwrap();
-        assert_eq!(torn.tile_report(0).unwrap().times.maps, 0.0);
+        assert_eq!(torn.tile(0).report().unwrap().times.maps, 0.0);
         assert!(bits(&whole) == bits(&torn));
         // And the first pose again, after the others: the result is the pose's alone.
         torn.solve(model.frame(1), &options(Quality::Normal)).unwrap();
@@ -100,7 +100,7 @@ fn maps_and_settings_may_change_while_a_weld_is_torn() {
         let grown: Vec<u8> = model.maps[0].rigidity.iter().map(|r| 255 - r).collect();
         let size = GRID as u32;
         let change = |asset: &mut Asset| {
-            asset.set_rigidity(0, Some(view(&grown, size, size))).unwrap();
+            asset.tile_mut(0).set_rigidity(Some(view(&grown, size, size))).unwrap();
             change(asset, 0, |settings| settings.room = 0.5);
         };
         let mut fresh = model.asset_on(&device, size);
@@ -111,15 +111,15 @@ fn maps_and_settings_may_change_while_a_weld_is_torn() {
         let before = bits(&changed);
         change(&mut changed);
         changed.solve(model.frame(1), &options).unwrap();
-        let report = changed.tile_report(0).unwrap();
+        let report = changed.tile(0).report().unwrap();
         assert!(report.welds_torn > 0 && before != bits(&changed) && bits(&fresh) == bits(&changed));
-        assert_eq!(report.strain, fresh.tile_report(0).unwrap().strain);
+        assert_eq!(report.strain, fresh.tile(0).report().unwrap().strain);
         let by_index = Model { weld: by(WeldBy::Index), ..model.clone() };
         let mut by_index = by_index.asset_on(&device, size);
         change(&mut by_index);
         by_index.solve(model.frame(1), &options).unwrap();
         // What judges a result sees the torn mesh, too.
-        assert_eq!(report.strain, by_index.tile_report(0).unwrap().strain);
+        assert_eq!(report.strain, by_index.tile(0).report().unwrap().strain);
         let u: Vec<[f64; 2]> = changed.displacements(0).unwrap().iter().map(|u| u.map(f64::from)).collect();
         let energy = |asset: &Asset| asset.reference_energy(0, model.frame(1), &u).unwrap();
         assert_eq!(energy(&changed), energy(&by_index));
@@ -168,5 +168,5 @@ fn solve(model: &Model, rest: Strided, pose: Strided) -> u32 {
     let mut asset = model.bare(0, rest);
     vrtm_testkit::set_grid(&mut asset, 64);
     asset.solve(pose, &SolveOptions::default()).unwrap();
-    asset.tile_report(0).unwrap().welds_torn
+    asset.tile(0).report().unwrap().welds_torn
 }

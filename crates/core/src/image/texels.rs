@@ -92,7 +92,7 @@ impl<'a> ImageViewMut<'a> {
     /// # let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
     /// asset.solve(Strided::from_slice(&rest), &SolveOptions::default())?;
     /// let mut map = vec![[0.0f32; 2]; 4 * 4];
-    /// asset.fetch(tile, FetchKind::Redirection, &mut ImageViewMut::from_texels("map", &mut map, [4, 4])?)?;
+    /// asset.tile(tile).fetch(FetchKind::Redirection, &mut ImageViewMut::from_texels("map", &mut map, [4, 4])?)?;
     /// assert_eq!(map[0], [0.125, 0.875], "u, v of the first texel, at the top on the left");
     /// assert_eq!(map[15], [0.875, 0.125], "and of the last one");
     /// # Ok(())

@@ -49,7 +49,7 @@ fn counts_do_not_rise() {
             continue;
         };
         let asset = model.solved(&device, most.grid, 1, &options(most.quality));
-        let (report, work) = (asset.tile_report(0).unwrap(), asset.gpu_work(0).unwrap().unwrap());
+        let (report, work) = (asset.tile(0).report().unwrap(), asset.tile(0).gpu_work().unwrap().unwrap());
         let per_node = |bytes: u64| bytes.div_ceil(report.nodes_active);
         let (moved, held) = (per_node(work.bytes()), per_node(report.bytes));
         let line = format!(

@@ -39,7 +39,7 @@ struct Difference {
 impl Difference {
     /// Differences of `other` from `base`.
     fn between(base: &Asset, other: &Asset, tile: usize) -> Difference {
-        let [b, o] = [base, other].map(|asset| asset.tile_report(tile).unwrap());
+        let [b, o] = [base, other].map(|asset| asset.tile(tile).report().unwrap());
         let Spread { max, p999, rms, .. } = displacement_differences(base, other, tile);
         Difference {
             max,
@@ -161,7 +161,7 @@ fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
     let (cpu_result, gpu_result) = (solve(model, pose, &cpu(0), case), solve(model, pose, device, case));
     let others: Vec<Asset> = (1..4).map(|k| solve(model, &perturbed(pose, k), &cpu(0), case)).collect();
     for tile in 0..cpu_result.tile_count() {
-        let [c, g] = [&cpu_result, &gpu_result].map(|asset| asset.tile_report(tile).unwrap());
+        let [c, g] = [&cpu_result, &gpu_result].map(|asset| asset.tile(tile).report().unwrap());
         let name = format!("{} {frame}", model.name);
         let mut fail = |what: String| {
             failures.push(format!("{name}, {}, {grid}², {quality:?}: {what}", c.udim));
@@ -281,7 +281,7 @@ fn the_same_bits_every_time() {
         let case = Case { model, frame: 1, grid: 128, quality, real: false };
         let mut first = solve(model, &model.frames[0], &device, &case);
         let report = |asset: &Asset| {
-            let r = asset.tile_report(0).unwrap();
+            let r = asset.tile(0).report().unwrap();
             (r.energy.to_bits(), r.energy_before.to_bits(), r.min_jacobian.to_bits())
         };
         let (expected, of_first) = (bits(&first), report(&first));

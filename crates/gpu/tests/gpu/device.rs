@@ -249,14 +249,14 @@ fn after_a_loss_every_call_says_so_and_a_new_device_works() {
     assert!(device.lose_for_tests());
     for error in [
         solve(&mut lost, model).unwrap_err(),
-        lost.tile_info(0).unwrap_err(),
-        lost.tile_report(0).unwrap_err(),
+        lost.tile_mut(0).info().unwrap_err(),
+        lost.tile(0).report().unwrap_err(),
         lost.report().unwrap_err(),
-        lost.set_mask(0, None).unwrap_err(),
-        lost.set_rigidity(0, None).unwrap_err(),
+        lost.tile_mut(0).set_mask(None).unwrap_err(),
+        lost.tile_mut(0).set_rigidity(None).unwrap_err(),
         lost.set_vertex_rigidity(Some(Strided::default())).unwrap_err(),
         lost.set_vertex_mask(Some(Strided::default())).unwrap_err(),
-        lost.set_settings(0, &TileSettings::default()).unwrap_err(),
+        lost.tile_mut(0).set_settings(&TileSettings::default()).unwrap_err(),
         lost.corner_uvs(&mut vec![[0.0; 2]; lost.info().corners as usize]).unwrap_err(),
         Asset::new(&device, &MeshSource::default()).unwrap_err(),
     ] {

@@ -61,7 +61,7 @@ fn image(shared: &Shared, size: [u32; 2]) -> (ExternalImage, OwnedFd) {
 
 fn fetch(asset: &Asset, tile: usize, kind: FetchKind, image: &ExternalImage) -> vrtm::Result<()> {
     // SAFETY: the tests describe the memory as it is, and use it only when the call has returned.
-    unsafe { asset.fetch_external(tile, kind, image) }
+    unsafe { asset.tile(tile).fetch_external(kind, image) }
 }
 
 /// The same layout in ordinary memory, by the ordinary fetch; bytes that are not written have the value `rest`.
@@ -80,7 +80,7 @@ fn expected(
         ..ImageLayout::packed(image.width, image.height, image.format)
     };
     let mut view = ImageViewMut::new("image", &mut all[image.offset as usize..], layout).unwrap();
-    asset.fetch(tile, kind, &mut view).unwrap();
+    asset.tile(tile).fetch(kind, &mut view).unwrap();
     all
 }
 

@@ -26,13 +26,13 @@ fn device() -> Option<&'static Device> {
 
 fn solved(model: &Model, device: &Device, grid: u32) -> Asset {
     let asset = model.solved(device, grid, 1, &options(Quality::Draft));
-    assert!(asset.tile_report(0).unwrap().max_displacement > 0.5, "{}", model.name);
+    assert!(asset.tile(0).report().unwrap().max_displacement > 0.5, "{}", model.name);
     asset
 }
 
 fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fill: u8) -> Vec<u8> {
     let mut out = vec![fill; bytes];
-    asset.fetch(0, kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
+    asset.tile(0).fetch(kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
     out
 }
 
@@ -66,7 +66,7 @@ fn the_warp_takes_its_redirection_back() {
                 }
             }
         }
-        let ms = asset.tile_report(0).unwrap().times.invert;
+        let ms = asset.tile(0).report().unwrap().times.invert;
         println!("{:12} {worst:.1e} texel, the last in {ms:.2} ms", model.name);
         assert!(ms > 0.0);
     }
@@ -153,7 +153,10 @@ fn a_delta_in_f16_is_off_by_a_thirtieth_of_a_texel_of_4096() {
                     ImageLayout { height: side as u32 / 2, format, origin: Origin::Bottom, ..layout };
                 let image = ImageViewMut::new("part", part, layout).unwrap();
                 let first = [0, k as u32 * side as u32 / 2];
-                asset.fetch(0, kind, &mut image.part_of("part", [side as u32; 2], first).unwrap()).unwrap();
+                asset
+                    .tile(0)
+                    .fetch(kind, &mut image.part_of("part", [side as u32; 2], first).unwrap())
+                    .unwrap();
             }
             parts
         };
@@ -241,7 +244,7 @@ fn nearest_half(value: f32) -> u16 {
 fn refused(asset: &Asset, size: u32) -> vrtm::Error {
     let mut out = vec![[7.0; 2]; (size * size) as usize];
     let mut image = ImageViewMut::from_texels("image", &mut out, [size; 2]).unwrap();
-    let error = asset.fetch(0, FetchKind::Redirection, &mut image).unwrap_err();
+    let error = asset.tile(0).fetch(FetchKind::Redirection, &mut image).unwrap_err();
     assert!(out.iter().all(|uv| *uv == [7.0; 2]), "something was written");
     error
 }

@@ -87,8 +87,8 @@ impl Both {
             self.each[tile].run(&SolveRequest { tiles: Some(&[tile]), ..request.clone() }, &mut []).unwrap();
         }
         for (tile, asset) in self.each.iter_mut().enumerate() {
-            let alone = asset.tile_report(tile).ok();
-            let report = self.all.tile_report(tile).ok();
+            let alone = asset.tile(tile).report().ok();
+            let report = self.all.tile(tile).report().ok();
             let of =
                 |report: vrtm::TileReport| (report.energy, report.charts_active, report.max_displacement);
             assert_eq!(report.map(of), alone.map(of), "tile {tile} of {tiles:?}");
@@ -123,7 +123,7 @@ fn tiles_together_take_the_dispatches_of_one() {
     let Some((device, model)) = set_up() else { return };
     let mut both = Both::new(&device, &model);
     both.solve(model.frame(2), &[0, 1, 2, 3], SolveOptions::default());
-    let work = |asset: &Asset, tile: usize| asset.gpu_work(tile).unwrap().unwrap();
+    let work = |asset: &Asset, tile: usize| asset.tile(tile).gpu_work().unwrap().unwrap();
     let alone: Vec<_> = (0..TILES).map(|tile| work(&both.each[tile], tile)).collect();
     let most = |count: fn(&GpuWork) -> u64| alone.iter().map(count).max().unwrap();
     let workgroups = |work: &GpuWork| work.kernels.iter().map(|kernel| kernel.workgroups).sum::<u64>();
@@ -161,11 +161,11 @@ fn histories_leave_no_trace() {
     let painted = painted(14);
     for asset in [&mut both.all, &mut both.each[1]] {
         let image = view(&painted, SIZE as u32, SIZE as u32);
-        asset.update_rigidity(1, image, [0; 2], [SIZE as u32; 2]).unwrap();
+        asset.tile_mut(1).update_rigidity(image, [0; 2], [SIZE as u32; 2]).unwrap();
     }
     both.solve(model.frame(3), &[0, 1, 2, 3], SolveOptions::default());
     both.solve(model.frame(3), &[0, 1, 2, 3], SolveOptions::default());
-    assert_eq!(both.all.tile_report(1).unwrap().charts_reused, 1);
+    assert_eq!(both.all.tile(1).report().unwrap().charts_reused, 1);
     assert!(device.info().bytes_held <= held);
     both.solve(model.frame(4), &[0, 1, 2, 3], draft);
     // Another grid for one of them, and other weights for another.
@@ -175,8 +175,8 @@ fn histories_leave_no_trace() {
     });
     both.solve(model.frame(2), &[0, 1, 2, 3], warm);
     both.set(|asset| {
-        let settings = asset.settings(1).unwrap();
-        (0..TILES).for_each(|tile| asset.set_settings(tile, &settings).unwrap());
+        let settings = asset.tile_mut(1).settings().unwrap();
+        (0..TILES).for_each(|tile| asset.tile_mut(tile).set_settings(&settings).unwrap());
     });
     both.solve(model.frame(3), &[2, 3], warm);
     both.solve(model.frame(4), &[0, 1, 2, 3], warm);
@@ -225,8 +225,8 @@ fn a_time_budget_is_that_of_all_tiles() {
         let mut asset = model.asset_on(&device, SIZE as u32);
         let options = SolveOptions { time_budget: budget, ..SolveOptions::default() };
         asset.solve(model.frame(2), &options).unwrap();
-        let dispatches = asset.gpu_work(0).unwrap().map(|work| work.dispatches());
-        let truncated = (0..TILES).map(|tile| asset.tile_report(tile).unwrap().truncated);
+        let dispatches = asset.tile(0).gpu_work().unwrap().map(|work| work.dispatches());
+        let truncated = (0..TILES).map(|tile| asset.tile(tile).report().unwrap().truncated);
         let truncated: Vec<bool> = truncated.collect();
         (truncated, dispatches, (0..TILES).map(|tile| result(&mut asset, tile)).collect::<Vec<_>>())
     };
@@ -272,6 +272,6 @@ fn tiles_are_solved_together_as_far_as_a_buffer_holds_them() {
             assert!(result(&mut whole, tile) == result(&mut divided, tile), "tile {tile}");
         }
     }
-    let blocks = |asset: &Asset| asset.tile_report(0).unwrap().blocks;
+    let blocks = |asset: &Asset| asset.tile(0).report().unwrap().blocks;
     assert!(2 * blocks(&whole) <= 55 && 3 * blocks(&whole) > 55, "{}", blocks(&whole));
 }

@@ -10,7 +10,7 @@ use crate::{barycentric, cross};
 pub fn largest_error(asset: &mut Asset, refined: &Refined, size: usize) -> (f64, usize) {
     let (mut worst, mut count) = (0.0f64, 0);
     for tile in 0..asset.tile_count() {
-        let udim = asset.tile_report(tile).unwrap().udim - 1001;
+        let udim = asset.tile(tile).report().unwrap().udim - 1001;
         let origin = [f64::from(udim % 10), f64::from(udim / 10)];
         let map = crate::fetch(asset, tile, FetchKind::Redirection, [size as u32; 2]);
         for face in refined.faces().filter(|face| face.len() >= 3) {
