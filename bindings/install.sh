@@ -119,7 +119,9 @@ else
     [ -z "$features" ] || set -- "$@" --features "$features"
     [ -z "$offline" ] || set -- "$@" --offline --locked
     [ -z "$target" ] || set -- "$@" --target "$target"
-    cargo "$@"
+    # The library holds the paths of its sources, for messages: those of this machine have no place in it.
+    remap="'--remap-path-prefix=$source=/vrtm', '--remap-path-prefix=${CARGO_HOME:-${HOME:-}/.cargo}=/cargo'"
+    cargo "$@" --config "target.'cfg(all())'.rustflags=[$remap]"
     from=$target_dir${target:+/$target}
     case $profile in dev) from=$from/debug ;; *) from=$from/$profile ;; esac
     library=$from/$built

@@ -20,7 +20,8 @@ usage: sh bindings/release.sh [options]
                      as bindings/install.sh has them
   --help             say this
 
-The archive is vrtm-VERSION-TRIPLE.tar.xz, or .zip for Windows. STRIP names the program that strips the library (such as
+The archive is vrtm-VERSION-TRIPLE.tar.xz, or .zip for Windows; vrtm-VERSION-TRIPLE-debug.tar.xz has the library's symbols for
+debuggers, where there is an objcopy beside the program that strips. STRIP names the program that strips the library (such as
 aarch64-linux-gnu-strip, strip, llvm-strip, or none), SOURCE_DATE_EPOCH the time of all files (that of the last commit),
 VRTM_WHEEL_PLATFORM the wheel's platform tag, VRTM_REPOSITORY the repository's address, for the links of the descriptions of
 the wheel and the npm package (without it they are text). Linux: the oldest glibc that the library runs with follows from the
@@ -165,19 +166,13 @@ if [ -n "$glibc" ]; then
     max_glibc=${max_glibc:-$glibc}
 fi
 
-# The library holds the paths of its sources, for messages: those of this machine have no place in it.
-cargo_home=${CARGO_HOME:-${HOME:-}/.cargo}
-if [ -z "$prebuilt" ]; then
-    RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=$cargo_home/registry/src=/cargo --remap-path-prefix=$source=/vrtm"
-    export RUSTFLAGS
-    # shellcheck disable=SC2086 # None of the options holds a blank.
-    sh "$here/install.sh" --prefix "$tree" $install_options
-else
-    # shellcheck disable=SC2086
-    sh "$here/install.sh" --prefix "$tree" --prebuilt "$prebuilt" $install_options
-fi
+# With its symbols, which are split off below.
+export CARGO_PROFILE_DIST_STRIP=none CARGO_PROFILE_DIST_DEBUG=line-tables-only
+# shellcheck disable=SC2086 # None of the options holds a blank.
+sh "$here/install.sh" --prefix "$tree" ${prebuilt:+--prebuilt "$prebuilt"} $install_options
 
-# What is stripped is neither used by programs nor by the loader. Another target's file takes that target's program.
+# What is stripped is neither used by programs nor by the loader: debuggers find it in a file of its own, by its name in the
+# library. Another target's file takes that target's programs.
 strip=${STRIP:-}
 foreign= options=--strip-unneeded
 case $triple in
@@ -188,12 +183,18 @@ case $triple in
 esac
 [ -n "$strip" ] || ! command -v "$foreign" >/dev/null || strip=$foreign
 strip=${strip:-strip}
+symbols=$(basename "$library").debug
+mkdir "$tree-debug"
 if [ "$strip" != none ]; then
+    objcopy=${strip%strip}objcopy
+    command -v "$objcopy" >/dev/null || objcopy=true # Not in Apple's tools.
+    "$objcopy" --only-keep-debug "$library" "$tree-debug/$symbols"
     "$strip" "$options" "$library" || fail "$strip does not strip $library: set STRIP, to llvm-strip for instance"
+    (cd "$tree-debug" && "$objcopy" --add-gnu-debuglink="$symbols" "$library")
 fi
-for path in "$source" "$cargo_home"; do
-    ! grep -qaF "$path/" "$library" ||
-        fail "the library holds $path: build it without --prebuilt, or with RUSTFLAGS=--remap-path-prefix=$path=/"
+for path in "$source" "${CARGO_HOME:-${HOME:-}/.cargo}"; do
+    ! cat "$library" "$tree-debug"/* 2>/dev/null | grep -qaF "$path/" ||
+        fail "the library holds $path: build it without --prebuilt and RUSTFLAGS, or with RUSTFLAGS=--remap-path-prefix=$path=/"
 done
 needed=
 case $triple in
@@ -206,6 +207,7 @@ case $triple in
 esac
 
 case $triple in *-windows-*) pack "$name" zip ;; *) pack "$name" tar.xz ;; esac
+[ ! -f "$tree-debug/$symbols" ] || pack "$name-debug" tar.xz
 [ -n "$python" ] || finish "$triple"
 
 [ -z "$needed" ] || : "${VRTM_WHEEL_PLATFORM:=manylinux_$(echo "$needed" | tr . _)_${triple%%-*}}"

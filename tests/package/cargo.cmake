@@ -62,6 +62,9 @@ if(CROSS)
 elseif(arguments MATCHES "--target ")
   message(FATAL_ERROR "cargo builds for this machine anyway, but is called with ${arguments}")
 endif()
+if(NOT arguments MATCHES "--remap-path-prefix=${SOURCE}=/vrtm'.*=/cargo'")
+  message(FATAL_ERROR "the library would hold paths of this machine: cargo is called with ${arguments}")
+endif()
 # The option wins over all that is known.
 configure(said named ${COMPILERS} "-DVRTM_CARGO=${folder}/bin/cargo" "-DVRTM_RUSTC=${folder}/bin/rustc"
   "-DVRTM_CARGO_TARGET_DIR=${folder}/target" -DVRTM_TARGET=powerpc64le-unknown-linux-gnu)

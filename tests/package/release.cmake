@@ -28,12 +28,15 @@ release("${folder}/one")
 execute_process(COMMAND "${CMAKE_COMMAND}" -E sleep 2)
 release("${folder}/other")
 file(GLOB archive RELATIVE "${folder}/one" "${folder}/one/vrtm-*.tar.xz" "${folder}/one/vrtm-*-windows-gnu.zip")
+set(symbols ${archive})
+list(FILTER symbols INCLUDE REGEX "-debug")
+list(REMOVE_ITEM archive ${symbols})
 if((NOT archive MATCHES "-${TRIPLE}[^/;]*$") OR (TRIPLE MATCHES "-windows-" AND NOT archive MATCHES "zip$"))
   message(FATAL_ERROR "the archive for ${TRIPLE} is called ${archive}")
 endif()
 file(GLOB files RELATIVE "${folder}/one" "${folder}/one/vrtm-*")
 list(LENGTH files count)
-if(PYTHON AND NOT count EQUAL 4) # The archive, the wheel, the add-on, and what is in them.
+if(PYTHON AND NOT count EQUAL 5) # The archive, its symbols, the wheel, the add-on, and what is in them.
   message(FATAL_ERROR "a release has ${files}")
 endif()
 set(sums)
@@ -77,6 +80,14 @@ file(SIZE "${folder}/${name}/${where}/${library}" stripped)
 file(SIZE "${LIBRARY}" whole)
 if(NOT stripped LESS whole)
   message(FATAL_ERROR "the library in the archive has ${stripped} bytes, and before it was stripped ${whole}")
+endif()
+
+# Its symbols are in a file that it names.
+execute_process(COMMAND "${CMAKE_COMMAND}" -E tar xf "${folder}/one/${symbols}" WORKING_DIRECTORY "${folder}")
+file(STRINGS "${folder}/${name}-debug/${library}.debug" functions REGEX "vrtm_core" LIMIT_COUNT 1)
+file(STRINGS "${folder}/${name}/${where}/${library}" names REGEX "^${library}.debug" LIMIT_COUNT 1)
+if(NOT functions OR NOT names)
+  message(FATAL_ERROR "the symbols of ${library} are lost: ${symbols}")
 endif()
 
 # A library that is too new for a machine is not released for it.

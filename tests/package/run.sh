@@ -6,8 +6,6 @@ set -eu
 export CARGO_INCREMENTAL=0 CARGO_PROFILE_DIST_OPT_LEVEL=1
 # That release.sh strips a library, too, is tested.
 export CARGO_PROFILE_DIST_STRIP=debuginfo
-# A release has no paths of the machine that builds it.
-export RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=/cargo"
 
 source=$(cd "$(dirname "$0")/../.." && pwd)
 folder=${1:-$source/target/package}
