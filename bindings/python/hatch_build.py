@@ -32,7 +32,7 @@ PROJECT = HERE.parents[1]
 
 
 class MetadataHook(MetadataHookInterface):
-    """The package has the library's version, and a description whose links are absolute."""
+    """The package has the library's version and licences, and a description whose links are absolute."""
 
     def update(self, metadata: dict[str, Any]) -> None:
         with _project_file("Cargo.toml").open("rb") as file:
@@ -40,6 +40,9 @@ class MetadataHook(MetadataHookInterface):
         sys.path.insert(0, str(_project_file("bindings/links.py").parent))
         from links import absolute
 
+        # A wheel names its licences by their places in this folder.
+        for licence in ("LICENSE-MIT", "LICENSE-APACHE", "bindings/THIRD-PARTY.txt"):
+            shutil.copyfile(_project_file(licence), HERE / Path(licence).name)
         metadata["version"] = version
         metadata["readme"] = {"content-type": "text/markdown", "text": absolute(HERE / "README.md", version)}
         repository = os.environ.get("VRTM_REPOSITORY")
@@ -74,8 +77,6 @@ class BuildHook(BuildHookInterface):
             shutil.copy2(library, package / file)
         else:
             build_data["force_include"][str(library)] = f"vrtm/{file}"
-            for licence in ("LICENSE-MIT", "LICENSE-APACHE", "bindings/THIRD-PARTY.txt"):
-                build_data["force_include"][str(_project_file(licence))] = f"vrtm/{Path(licence).name}"
         # It is for any Python 3, since ctypes calls the library, and for one platform.
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{tag}"
@@ -102,6 +103,10 @@ def _cargo() -> Path:
     command += ["--profile", profile, "--manifest-path", str(PROJECT / "Cargo.toml")]
     if os.environ.get("VRTM_GPU") == "OFF":
         command.append("--no-default-features")
+    # The library holds the paths of its sources, for messages: those of this machine have no place in it.
+    home = os.environ.get("CARGO_HOME") or Path.home() / ".cargo"
+    remap = [f"--remap-path-prefix={PROJECT}=/vrtm", f"--remap-path-prefix={home}=/cargo"]
+    command += ["--config", f"target.'cfg(all())'.rustflags={json.dumps(remap)}"]
     result = subprocess.run(command, stdout=subprocess.PIPE, check=False)
     if result.returncode != 0:
         raise SystemExit("vrtm: cargo could not build the library; its messages stand above")

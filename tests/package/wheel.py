@@ -47,10 +47,12 @@ def check_wheel(wheel: zipfile.ZipFile, arguments: argparse.Namespace) -> bytes:
     ours = "vrtm/vrtm.dll" if arguments.tag.startswith("win") else "vrtm/libvrtm.so"
     libraries = [name for name in names if Path(name).suffix in (".dll", ".so", ".dylib", ".pyd", ".a", ".lib")]
     assert libraries == [ours], libraries
-    for name in ("vrtm/__init__.py", "vrtm/_abi.py", "vrtm/_records.py", "vrtm/py.typed", "vrtm/LICENSE-MIT"):
+    for name in ("vrtm/__init__.py", "vrtm/_abi.py", "vrtm/_records.py", "vrtm/py.typed"):
         assert name in names, name
-    assert b"glam" in wheel.read("vrtm/THIRD-PARTY.txt")
     about = f"vrtm-{arguments.version}.dist-info"
+    licences = [name.rpartition("/")[2] for name in names if name.startswith(f"{about}/licenses/")]
+    assert sorted(licences) == ["LICENSE-APACHE", "LICENSE-MIT", "THIRD-PARTY.txt"], names
+    assert b"glam" in wheel.read(f"{about}/licenses/THIRD-PARTY.txt")
     lines = wheel.read(f"{about}/WHEEL").decode().splitlines()
     assert any(re.fullmatch(f"Tag: py3-none-{arguments.tag}", line) for line in lines), lines
     assert "Root-Is-Purelib: false" in lines, lines
