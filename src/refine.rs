@@ -132,7 +132,7 @@ impl Refinement {
 
     /// The redirected UV of each corner of the refined mesh in the present results, with the tile's offset added; 0, 0
     /// at corners of faces without UVs. At corners of the mesh they are bit-identical to those of
-    /// [`Results::corner_uvs_of_set`].
+    /// [`Results::corner_uvs`].
     ///
     /// # Errors
     /// `InvalidArgument` if the length is not the number of corners of the refined mesh; `OutOfMemory`, `DeviceLost`.

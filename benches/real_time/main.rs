@@ -164,7 +164,7 @@ fn outputs(args: &Args, device: &Device, model: &Model, grid: u32) {
         let jacobian = shortest(args.repeats, || image(&asset, FetchKind::Jacobian, &mut matrices, texels));
         let half = shortest(args.repeats, || image(&asset, FetchKind::RedirectionDelta, &mut halves, texels));
         let corner = shortest(args.repeats, || {
-            asset.corner_uvs(&mut uvs).expect("corner UVs");
+            asset.corner_uvs(0, &mut uvs).expect("corner UVs");
         });
         println!(
             "| {} | {grid} | {texels} | {map:.2} | {:.1} | {jacobian:.2} | {half:.2} | {corner:.2} |",

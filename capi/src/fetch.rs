@@ -316,6 +316,6 @@ pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
         ensure!(count as u64 == corners, "count is {count}, but the mesh has {corners} corners");
         // SAFETY: the host vouches for `count` pairs during the call.
         let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
-        Ok(asset.results.corner_uvs_of_set(uv_set, out)?)
+        Ok(asset.results.corner_uvs(uv_set, out)?)
     })
 }

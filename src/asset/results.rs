@@ -173,45 +173,12 @@ impl Results {
         Ok(())
     }
 
-    /// Redirected UV of every face corner of the mesh in UV set 0, in corner order, with the tile's offset added; 0, 0
-    /// at corners of faces without UVs.
+    /// Redirected UV of every face corner of a UV set, in corner order, with the tile's offset added; 0, 0 at corners
+    /// of faces without UVs. In tiles that have not been solved yet, they are the mesh's own UVs.
     ///
     /// # Errors
-    /// `NotSolved`; `InvalidArgument` if the length is not the number of corners.
-    ///
-    /// # Example
-    /// ```
-    /// # use vrtm::{Asset, Device, DeviceSettings, ErrorKind, MeshSource, SolveOptions, Strided, UvSource};
-    /// # fn main() -> vrtm::Result<()> {
-    /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
-    /// # let source = MeshSource {
-    /// #     positions: Strided::from_slice(&rest),
-    /// #     face_counts: Some(&[4]),
-    /// #     indices: &[0, 1, 2, 3],
-    /// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
-    /// #     ..MeshSource::default()
-    /// # };
-    /// let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
-    /// let mut corners = [[0.0; 2]; 4];
-    /// let error = asset.corner_uvs(&mut corners).expect_err("nothing is solved yet");
-    /// assert_eq!(error.kind, ErrorKind::NotSolved);
-    /// asset.solve(Strided::from_slice(&rest), &SolveOptions::default())?;
-    /// asset.corner_uvs(&mut corners)?;
-    /// assert_eq!(corners, uvs, "at rest a corner has its own UV");
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
-        self.corner_uvs_of_set(0, out)
-    }
-
-    /// Redirected UVs of every face corner of a UV set. In tiles that have not been solved yet, they are the mesh's own
-    /// UVs.
-    ///
-    /// # Errors
-    /// Those of [`Results::corner_uvs`]; `InvalidArgument` for an unknown UV set.
-    pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
+    /// `NotSolved`; `InvalidArgument` for an unknown UV set, or if the length is not the number of corners.
+    pub fn corner_uvs(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         let Shared { device, mesh, .. } = &*self.0;
         mesh.check_uv_set(uv_set)?;
         let corners = &mesh.corners[uv_set as usize];

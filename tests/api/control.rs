@@ -201,7 +201,7 @@ fn read_while_solving(device: &Device, grid: u32) {
             let read = texels(&results, 0, FetchKind::Redirection, [SIZE; 2], [f32::NAN; 2]);
             let which = maps.iter().position(|map| *map == read).expect("a map of one of the frames, whole");
             seen[which] += 1;
-            results.corner_uvs(&mut vec![[0.0; 2]; corners]).unwrap();
+            results.corner_uvs(0, &mut vec![[0.0; 2]; corners]).unwrap();
             assert_eq!(results.tile(0).report().unwrap().folds, 0);
             results.report().unwrap();
             reads.fetch_add(1, Ordering::Relaxed);

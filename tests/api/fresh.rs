@@ -204,10 +204,8 @@ impl Given {
         for y in first[1]..first[1] + size[1] {
             texels[y * SIZE + first[0]..][..size[0]].fill(value);
         }
-        asset
-            .tile_mut(tile)
-            .update_rigidity(image(texels), first.map(|x| x as u32), size.map(|n| n as u32))
-            .unwrap();
+        let [first, size] = [first, size].map(|pair| pair.map(|x| x as u32));
+        asset.tile_mut(tile).update_rigidity(image(texels), first, size).unwrap();
     }
 }
 

@@ -71,10 +71,8 @@ fn a_few_narrow_features_do_not_decide() {
 fn charts_are_features_where_all_is_rigid() {
     let mut asset = sixteen_asset(&cpu(1), 0.81).unwrap();
     for side in [1, 64, 2048] {
-        asset
-            .tile_mut(0)
-            .set_rigidity(Some(view(&vec![200; side * side], side as u32, side as u32)))
-            .unwrap();
+        let map = vec![200; side * side];
+        asset.tile_mut(0).set_rigidity(Some(view(&map, side as u32, side as u32))).unwrap();
         assert_eq!(asset.tile_mut(0).grid().unwrap(), [96; 2], "{side} texels");
     }
     asset.tile_mut(0).set_rigidity(None).unwrap();

@@ -43,8 +43,8 @@ impl Texels {
         };
         let layout = ImageLayout::packed(self.size as u32, self.size as u32, self.format);
         let image = Some(ImageView::new("rigidity", &bytes, layout).unwrap());
-        if mask { asset.tile_mut(tile).set_mask(image) } else { asset.tile_mut(tile).set_rigidity(image) }
-            .unwrap();
+        let mut tile = asset.tile_mut(tile);
+        if mask { tile.set_mask(image) } else { tile.set_rigidity(image) }.unwrap();
     }
 }
 
@@ -72,9 +72,8 @@ impl Case {
 
 /// All that a prepared asset is: the tiles' bytes, and facts about them.
 fn prepared(asset: &mut Asset) -> Vec<(Vec<u8>, vrtm::TileInfo)> {
-    (0..TILES)
-        .map(|tile| (asset.tile_mut(tile).save().unwrap(), asset.tile_mut(tile).info().unwrap()))
-        .collect()
+    let mut facts = |tile| (asset.tile_mut(tile).save().unwrap(), asset.tile_mut(tile).info().unwrap());
+    (0..TILES).map(&mut facts).collect()
 }
 
 fn solved(asset: &mut Asset, model: &Model) -> Vec<[u32; 2]> {

@@ -262,10 +262,8 @@ fn strokes(device: &Device, sizes: &[([u32; 2], [u32; 2])], rounds: u32, format:
             asset.tile_mut(0).set_settings(&settings).unwrap();
             let bytes = encoded(values, format);
             let layout = ImageLayout::packed(map[0], map[1], format);
-            asset
-                .tile_mut(0)
-                .set_rigidity(Some(ImageView::new("rigidity", &bytes, layout).unwrap()))
-                .unwrap();
+            let image = ImageView::new("rigidity", &bytes, layout).unwrap();
+            asset.tile_mut(0).set_rigidity(Some(image)).unwrap();
             asset
         };
         let mut values = vec![0.0f32; (map[0] * map[1]) as usize];
@@ -418,10 +416,8 @@ fn a_stroke_needs_a_map_of_its_shape() {
         assert!(text.starts_with("rigidity: "), "{text}");
     }
     asset.tile_mut(0).set_rigidity(None).unwrap();
-    let text = asset
-        .tile_mut(0)
-        .update_rigidity(image(64, 64, PixelFormat::U8), [0, 0], [4, 4])
-        .unwrap_err()
-        .message;
+    let error =
+        asset.tile_mut(0).update_rigidity(image(64, 64, PixelFormat::U8), [0, 0], [4, 4]).unwrap_err();
+    let text = error.message;
     assert!(text.contains("no map"), "{text}");
 }

@@ -3,7 +3,7 @@
 
 use vrtm::{Asset, ErrorKind, Quality, SolveOptions, SolveRequest};
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, bits, change, scenes};
+use vrtm_testkit::{self, Model, bits, change, scenes, view};
 
 /// The arm has two tiles.
 fn arm() -> (Model, Asset) {
@@ -97,7 +97,7 @@ fn only_the_tiles_that_dirty_vertices_touch() {
     change(&mut asset, 0, |settings| settings.room = 0.2);
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [false, true]);
-    asset.tile_mut(1).set_mask(Some(vrtm_testkit::view(&[255], 1, 1))).unwrap();
+    asset.tile_mut(1).set_mask(Some(view(&[255], 1, 1))).unwrap();
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [true, false]);
     let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };

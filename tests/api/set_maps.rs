@@ -82,11 +82,9 @@ fn values_in_another_range_are_told_of() {
     let image = |format: PixelFormat, bytes: Vec<u8>| {
         move |asset: &mut Asset| {
             let layout = ImageLayout::packed(SIZE, SIZE, format);
-            asset
-                .tile_mut(0)
-                .set_rigidity(Some(ImageView::new("rigidity", &bytes, layout).unwrap()))
-                .unwrap();
-            asset.tile_mut(0).set_mask(Some(ImageView::new("mask", &bytes, layout).unwrap())).unwrap();
+            let image = Some(ImageView::new("map", &bytes, layout).unwrap());
+            asset.tile_mut(0).set_rigidity(image).unwrap();
+            asset.tile_mut(0).set_mask(image).unwrap();
         }
     };
     let painted = |white: u8| -> Vec<u8> {

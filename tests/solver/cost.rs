@@ -1,7 +1,7 @@
 //! Work and memory follow what is active: the charts that move, and the blocks and nodes of them that can.
 
 use vrtm::{Asset, Backend, Device, DeviceSettings, Quality, SolveOptions, Strided};
-use vrtm_testkit::{self, Model, bits, cpu, long, scenes};
+use vrtm_testkit::{self, Model, bits, cpu, long, scenes, view};
 
 /// The CPU, and a GPU if there is one, each with the grid size (cells a side) that is solved on it: a software driver
 /// takes seconds for 256.
@@ -141,7 +141,7 @@ fn nothing_active_takes_no_solver() {
     // All nodes are masked.
     let mut asset = model.asset(0, 256);
     for tile in 0..2 {
-        asset.tile_mut(tile).set_mask(Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
+        asset.tile_mut(tile).set_mask(Some(view(&[0], 1, 1))).unwrap();
     }
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "all masked");
@@ -209,7 +209,7 @@ fn bytes_follow_the_active_nodes() {
     let model = Model::from(scenes::analytic::bulge());
     let held = |mask: &[u8]| {
         let mut asset = model.asset(0, 512);
-        asset.tile_mut(0).set_mask(Some(vrtm_testkit::view(mask, 2, 2))).unwrap();
+        asset.tile_mut(0).set_mask(Some(view(mask, 2, 2))).unwrap();
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         let report = asset.tile(0).report().unwrap();
         (asset.device().info().bytes_held as f64, report.blocks_active as f64)

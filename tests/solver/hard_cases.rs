@@ -129,7 +129,7 @@ impl Case {
                 last = Some(report);
             }
             let mut corners = vec![[f32::NAN; 2]; self.triangles.len()];
-            asset.corner_uvs(&mut corners).unwrap();
+            asset.corner_uvs(0, &mut corners).unwrap();
             assert!(corners.iter().flatten().all(|x| x.is_finite()), "a corner UV is not finite");
             bits.extend(corners.iter().flatten().map(|x| x.to_bits()));
         }
@@ -236,7 +236,7 @@ impl Case {
             Expect::NoTile => {
                 assert_eq!(asset.tile_count(), 0);
                 let mut corners = vec![[f32::NAN; 2]; self.triangles.len()];
-                asset.corner_uvs(&mut corners).unwrap();
+                asset.corner_uvs(0, &mut corners).unwrap();
                 let given: Vec<_> = self.triangles.iter().map(|&v| self.uvs[v as usize]).collect();
                 assert_eq!(corners, given);
             }
@@ -350,11 +350,9 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
         let solved = asset.solve(Strided::from_slice(&pose), &good.options);
         rejected(&format!("positions[3]: component 2 is {text}"), solved);
         let map = Map::new([3, 2], |x, y| if (x, y) == (2, 0) { bad as f32 } else { 0.5 }).image();
-        rejected(
-            &format!("rigidity: texel (2, 0) is {text}"),
-            asset.tile_mut(0).set_rigidity(Some(view(&map))),
-        );
-        rejected(&format!("mask: texel (2, 0) is {text}"), asset.tile_mut(0).set_mask(Some(view(&map))));
+        let mut tile = asset.tile_mut(0);
+        rejected(&format!("rigidity: texel (2, 0) is {text}"), tile.set_rigidity(Some(view(&map))));
+        rejected(&format!("mask: texel (2, 0) is {text}"), tile.set_mask(Some(view(&map))));
         let mut values = vec![0.5f32; good.rest.len()];
         values[4] = bad as f32;
         let set = asset.set_vertex_rigidity(Some(Strided::from_slice(&values)));

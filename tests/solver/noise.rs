@@ -78,7 +78,7 @@ fn noisy_uvs_have_the_bits_of_their_means() {
             let info = asset.tile_mut(0).info().unwrap();
             assert_eq!((info.charts, info.edges_apart, info.gap_nodes), (1, 0, 0), "{most} {by_face}");
             let mut uvs = vec![[0.0; 2]; model.indices.len()];
-            asset.results().corner_uvs(&mut uvs).unwrap();
+            asset.results().corner_uvs(0, &mut uvs).unwrap();
             let refined = asset.refine(&RefinementSettings::default()).unwrap().info();
             let refined = (refined.vertices, refined.corners, refined.triangles, refined.error.to_bits());
             (info, bits(&asset), uvs, refined)

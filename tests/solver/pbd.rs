@@ -7,7 +7,7 @@ use vrtm::{
     TileSettings,
 };
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::{self, Model, Warp, bits, cpu, devices, fetch, gpu, scenes};
+use vrtm_testkit::{self, Model, Warp, bits, cpu, devices, fetch, gpu, scenes, view};
 
 fn pbd(iterations: u32) -> SolveOptions {
     let pbd = PbdSettings { iterations, ..PbdSettings::default() };
@@ -272,7 +272,7 @@ fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mu
     scene.tiles.clear();
     let model = Model::from(scene);
     let mut asset = model.bare(0, Strided::from_slice(&model.rest));
-    asset.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(rigidity, 64, 64))).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(view(rigidity, 64, 64))).unwrap();
     vrtm_testkit::set_grid(&mut asset, 64);
     vrtm_testkit::change(&mut asset, 0, settings);
     asset.solve(model.frame(1), options).unwrap();
@@ -349,10 +349,8 @@ fn the_energy_is_the_reference_s() {
         };
         let mut energies = Vec::new();
         for density in [0.0, settings.orientation_density] {
-            asset
-                .tile_mut(0)
-                .set_settings(&TileSettings { orientation_density: density, ..settings })
-                .unwrap();
+            let settings = TileSettings { orientation_density: density, ..settings };
+            asset.tile_mut(0).set_settings(&settings).unwrap();
             for options in [SolveOptions::default(), pbd(8)] {
                 asset.solve(model.frame(1), &options).unwrap();
                 let u: Vec<[f64; 2]> =

@@ -113,11 +113,8 @@ impl Asset {
         let &[x, y, columns, rows] = part else {
             return Err(Error::argument("part: it has four numbers").into());
         };
-        Ok(self.0.tile_mut(tile).update_rigidity(
-            values.image("values", [width, height])?,
-            [x, y],
-            [columns, rows],
-        )?)
+        let image = values.image("values", [width, height])?;
+        Ok(self.0.tile_mut(tile).update_rigidity(image, [x, y], [columns, rows])?)
     }
 
     /// Changes those settings of a tile that are given.
@@ -169,7 +166,7 @@ impl Asset {
     #[wasm_bindgen(js_name = cornerUvs)]
     pub fn corner_uvs(&self, uv_set: u32) -> Result<Float32Array> {
         let mut uvs = vec![[0.0; 2]; self.0.info().corners as usize];
-        self.0.corner_uvs_of_set(uv_set, &mut uvs)?;
+        self.0.corner_uvs(uv_set, &mut uvs)?;
         Ok(Float32Array::from(uvs.as_flattened()))
     }
 

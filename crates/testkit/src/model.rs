@@ -232,7 +232,7 @@ fn image<T: OutputTexel + Clone>(
 /// The redirected UVs of all corners.
 pub fn corner_uvs(asset: &Asset) -> Vec<[f32; 2]> {
     let mut uvs = vec![[f32::NAN; 2]; asset.info().corners as usize];
-    asset.corner_uvs(&mut uvs).unwrap();
+    asset.corner_uvs(0, &mut uvs).unwrap();
     uvs
 }
 

@@ -147,10 +147,8 @@ impl Solved {
             false => (FetchKind::Redirection, PixelFormat::F32),
         };
         let desc = MapDesc { kind, format, size: [side; 2] };
-        self.asset
-            .tile(tile)
-            .inspect_map(&desc)
-            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))
+        let report = self.asset.tile(tile).inspect_map(&desc);
+        report.map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
     /// The warped position of each node of a tile's grid, and the cells of the grid in u and v.

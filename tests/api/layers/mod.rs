@@ -6,7 +6,7 @@ mod stacks;
 use stacks::{DEPTH, GRID, Island, Random, SIDE, Stack};
 use vrtm::{Asset, ErrorKind, FetchKind, Seams, SolveOptions, StrainReport, TileSettings};
 use vrtm_testkit::{
-    self, Model, bits, change_all, corner_uvs, cpu, cross, fetch, long, on_all_cores, quads, scenes,
+    self, Model, bits, change_all, corner_uvs, cpu, cross, fetch, long, on_all_cores, quads, scenes, view,
 };
 
 const MOST: u32 = 32;
@@ -164,14 +164,14 @@ fn layers_share_maps_and_settings() {
     // What is set for the second layer holds for the first one.
     asset.tile_mut(1).set_rigidity(None).unwrap();
     assert!(solved(&mut asset).iter().all(|u| *u == [0; 2]));
-    asset.tile_mut(1).set_rigidity(Some(vrtm_testkit::view(&stack.rigidity, 64, 64))).unwrap();
+    asset.tile_mut(1).set_rigidity(Some(view(&stack.rigidity, 64, 64))).unwrap();
     assert!(solved(&mut asset) == before);
     assert_eq!(device.info().bytes_held, held);
     let settings = TileSettings { room: 0.1, ..asset.tile_mut(1).settings().unwrap() };
     asset.tile_mut(1).set_settings(&settings).unwrap();
     assert_eq!(asset.tile_mut(0).settings().unwrap(), settings);
     asset.tile_mut(0).set_settings(&TileSettings { room: 0.3, ..settings }).unwrap();
-    asset.tile_mut(1).set_mask(Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
+    asset.tile_mut(1).set_mask(Some(view(&[0], 1, 1))).unwrap();
     assert!(solved(&mut asset).iter().all(|u| *u == [0; 2]));
     asset.tile_mut(0).set_mask(None).unwrap();
     // A stroke changes both, too, as if the whole map had been set.
@@ -179,15 +179,12 @@ fn layers_share_maps_and_settings() {
     for y in 20..30 {
         painted[y * 64 + 20..y * 64 + 40].fill(255);
     }
-    asset.tile_mut(1).update_rigidity(vrtm_testkit::view(&painted, 64, 64), [20, 20], [20, 10]).unwrap();
+    asset.tile_mut(1).update_rigidity(view(&painted, 64, 64), [20, 20], [20, 10]).unwrap();
     let stroke = solved(&mut asset);
-    asset.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&painted, 64, 64))).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(view(&painted, 64, 64))).unwrap();
     assert!(solved(&mut asset) == stroke && stroke != before);
     // A part outside of the map changes neither.
-    let error = asset
-        .tile_mut(1)
-        .update_rigidity(vrtm_testkit::view(&painted, 64, 64), [60, 0], [20, 10])
-        .unwrap_err();
+    let error = asset.tile_mut(1).update_rigidity(view(&painted, 64, 64), [60, 0], [20, 10]).unwrap_err();
     assert_eq!(error.kind, ErrorKind::InvalidArgument);
     assert!(solved(&mut asset) == stroke);
 }

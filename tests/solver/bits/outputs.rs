@@ -76,7 +76,7 @@ impl Hash {
 
     pub fn corner_uvs(&mut self, asset: &Asset, set: u32) {
         let mut uvs = vec![[f32::NAN; 2]; asset.info().corners as usize];
-        asset.corner_uvs_of_set(set, &mut uvs).unwrap();
+        asset.corner_uvs(set, &mut uvs).unwrap();
         self.floats(uvs.iter().flatten());
     }
 

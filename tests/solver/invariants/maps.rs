@@ -2,7 +2,7 @@
 
 use vrtm::{Device, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings};
 
-use vrtm_testkit::{self, Model, Warp, bits, options};
+use vrtm_testkit::{self, Model, Warp, bits, options, view};
 
 const N: u32 = 256;
 
@@ -33,7 +33,7 @@ fn masks_hold(device: &Device, quality: Quality) {
     let model = Model::from(vrtm_testkit::scenes::analytic::shear(0.5));
     for (name, mask) in masks() {
         let mut asset = model.asset_on(device, N);
-        asset.tile_mut(0).set_mask(Some(vrtm_testkit::view(&mask, N, N))).unwrap();
+        asset.tile_mut(0).set_mask(Some(view(&mask, N, N))).unwrap();
         asset.solve(model.frame(1), &options(quality)).unwrap();
         let warp = Warp::of(&asset, 0);
         let width = N as usize + 1;
@@ -76,27 +76,21 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
     // Each change sets all inputs that it depends on, so that it can be applied to a fresh asset, too.
     let changes: Vec<(&str, Change)> = vec![
         ("as it was", Box::new(|_| {})),
-        ("mask", Box::new(|a| a.tile_mut(0).set_mask(Some(vrtm_testkit::view(&line, N, N))).unwrap())),
-        (
-            "another mask",
-            Box::new(|a| a.tile_mut(0).set_mask(Some(vrtm_testkit::view(&holes, N, N))).unwrap()),
-        ),
+        ("mask", Box::new(|a| a.tile_mut(0).set_mask(Some(view(&line, N, N))).unwrap())),
+        ("another mask", Box::new(|a| a.tile_mut(0).set_mask(Some(view(&holes, N, N))).unwrap())),
         ("no mask", Box::new(|a| a.tile_mut(0).set_mask(None).unwrap())),
-        (
-            "rigidity",
-            Box::new(|a| a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&other, w, h))).unwrap()),
-        ),
+        ("rigidity", Box::new(|a| a.tile_mut(0).set_rigidity(Some(view(&other, w, h))).unwrap())),
         (
             "finer",
             Box::new(|a| {
-                a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&other, w, h))).unwrap();
+                a.tile_mut(0).set_rigidity(Some(view(&other, w, h))).unwrap();
                 settings(a, TileSettings { grid: [Some(320), Some(272)], ..grid });
             }),
         ),
         (
             "smoother",
             Box::new(|a| {
-                a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&other, w, h))).unwrap();
+                a.tile_mut(0).set_rigidity(Some(view(&other, w, h))).unwrap();
                 settings(a, TileSettings { smoothness: 0.2, room: 0.1, ..grid });
             }),
         ),
@@ -105,7 +99,7 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
             "as at first",
             Box::new(|a| {
                 settings(a, grid);
-                a.tile_mut(0).set_rigidity(Some(vrtm_testkit::view(&model.maps[0].rigidity, w, h))).unwrap();
+                a.tile_mut(0).set_rigidity(Some(view(&model.maps[0].rigidity, w, h))).unwrap();
             }),
         ),
     ];
@@ -160,7 +154,7 @@ fn a_mask_per_vertex_is_the_same_mask_painted() {
     let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     let right = mask(|x, _| x < N / 2);
     let mut painted = model.asset(0, N);
-    painted.tile_mut(0).set_mask(Some(vrtm_testkit::view(&right, N, N))).unwrap();
+    painted.tile_mut(0).set_mask(Some(view(&right, N, N))).unwrap();
     painted.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
     let mut asset = model.asset(0, N);

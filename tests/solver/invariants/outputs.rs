@@ -129,7 +129,7 @@ fn corner_uvs_are_the_inverse_of_the_warp() {
     for model in long::share(models, 4, "models") {
         let mut asset = solved(&model);
         let mut uvs = vec![[f32::NAN; 2]; model.indices.len()];
-        asset.corner_uvs(&mut uvs).unwrap();
+        asset.corner_uvs(0, &mut uvs).unwrap();
         let (mut moved, mut worst) = (0, 0.0f64);
         for face in model.faces() {
             let uv = |c: usize| model.uvs[model.uv_indices[c] as usize];

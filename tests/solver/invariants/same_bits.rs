@@ -181,7 +181,7 @@ fn failed_calls_leave_the_result(device: &Device, grid: u32) {
     assert!(asset.tile_mut(0).set_rigidity(Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
     assert!(asset.tile_mut(0).set_mask(Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
     assert!(asset.set_vertex_rigidity(Some(Strided::from_slice(&[f32::NAN]))).is_err());
-    assert!(asset.corner_uvs(&mut [[0.0; 2]]).is_err());
+    assert!(asset.corner_uvs(0, &mut [[0.0; 2]]).is_err());
 
     assert!(bits(&asset) == result);
     let after = asset.tile(0).report().unwrap();

@@ -257,7 +257,7 @@ fn after_a_loss_every_call_says_so_and_a_new_device_works() {
         lost.set_vertex_rigidity(Some(Strided::default())).unwrap_err(),
         lost.set_vertex_mask(Some(Strided::default())).unwrap_err(),
         lost.tile_mut(0).set_settings(&TileSettings::default()).unwrap_err(),
-        lost.corner_uvs(&mut vec![[0.0; 2]; lost.info().corners as usize]).unwrap_err(),
+        lost.corner_uvs(0, &mut vec![[0.0; 2]; lost.info().corners as usize]).unwrap_err(),
         Asset::new(&device, &MeshSource::default()).unwrap_err(),
     ] {
         assert_eq!(error.kind, ErrorKind::DeviceLost, "{error}");

@@ -153,10 +153,8 @@ fn a_delta_in_f16_is_off_by_a_thirtieth_of_a_texel_of_4096() {
                     ImageLayout { height: side as u32 / 2, format, origin: Origin::Bottom, ..layout };
                 let image = ImageViewMut::new("part", part, layout).unwrap();
                 let first = [0, k as u32 * side as u32 / 2];
-                asset
-                    .tile(0)
-                    .fetch(kind, &mut image.part_of("part", [side as u32; 2], first).unwrap())
-                    .unwrap();
+                let mut part = image.part_of("part", [side as u32; 2], first).unwrap();
+                asset.tile(0).fetch(kind, &mut part).unwrap();
             }
             parts
         };
