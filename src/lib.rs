@@ -1,10 +1,11 @@
-//! vrtm keeps painted features rigid while the surface under them deforms.
+//! vrtm keeps painted features rigid while the surface under them deforms: studs, scales, buttons.
 //!
-//! The data flows in this order: a host's arrays become a validated mesh with tiles and charts; each tile's maps become
-//! a grid with movable nodes and active blocks; for each pose, a schedule calls the stages of a backend level by level.
-//! All this is in the crate `vrtm-core`, but for the backend for GPUs, which is a crate of its own. Here `device`
-//! chooses the backend, `map` makes images of the results, and [`Asset`] keeps all of it. `docs/method.md` is the
-//! mathematics, `docs/architecture.md` the map of the source.
+//! A [`Device`] is a CPU or a GPU. An [`Asset`] is a mesh on it, made from arrays ([`MeshSource`], [`Strided`]);
+//! its UVs lie in tiles. [`Asset::tile_mut`] sets a tile's rigidity map ([`ImageView`]), mask and [`TileSettings`].
+//! [`Asset::solve`] takes a pose, with [`SolveOptions`]; [`Results::tile`] and [`Results`] then read maps
+//! ([`FetchKind`], [`ImageViewMut`]), corner UVs and reports ([`TileReport`], [`AssetReport`]); [`Asset::redirect`]
+//! does both at once. A [`Carrier`] moves points with the surface; a [`Refinement`] splits a mesh for hosts that
+//! have UV sets only. A [`Control`] cancels a solve.
 //!
 //! # Memory
 //!

@@ -18,9 +18,6 @@ pub struct Tile<'a> {
     index: usize,
 }
 
-/// The farthest reach of a dilation, in UV.
-const MAX_REACH: f64 = 0.5;
-
 impl Results {
     /// The tile at `index`, counted as [`crate::Asset::tile_count`] says.
     #[must_use]
@@ -83,7 +80,7 @@ impl Tile<'_> {
         let Tile { results, index } = *self;
         let (device, mesh) = (results.device(), results.mesh());
         results.check_tile(index)?;
-        ensure!(reach > 0.0 && reach <= MAX_REACH, "reach: {reach} is not over 0 and at most {MAX_REACH}");
+        ensure!(reach > 0.0 && reach <= 0.5, "reach: {reach} is not over 0 and at most 0.5");
         FetchKind::RedirectionUdim.check_channels("image", image.layout.channels)?;
         device.call(|| {
             device.team(|team| {

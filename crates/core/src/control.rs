@@ -19,17 +19,9 @@ pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 /// # Example
 /// ```
 /// # use std::sync::Arc;
-/// # use vrtm::{Asset, Control, Device, DeviceSettings, ErrorKind, ImageView, MeshSource, SolveRequest, Strided, UvSource};
+/// # use vrtm::{Asset, Control, Device, DeviceSettings, ErrorKind, ImageView, SolveRequest, Strided};
 /// # fn main() -> vrtm::Result<()> {
-/// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-/// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
-/// # let source = MeshSource {
-/// #     positions: Strided::from_slice(&rest),
-/// #     face_counts: Some(&[4]),
-/// #     indices: &[0, 1, 2, 3],
-/// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
-/// #     ..MeshSource::default()
-/// # };
+/// # let (rest, source) = vrtm_core::fixtures::square();
 /// # let spot = |k: usize| [k % 32, k / 32].iter().all(|x| (12..20).contains(x));
 /// # let painted: Vec<u8> = (0..32 * 32).map(|k| if spot(k) { 255 } else { 0 }).collect();
 /// # let pose = rest.map(|[x, y, z]| [2.0 * x, y, z]);

@@ -33,10 +33,12 @@ pub struct Error {
 }
 
 impl Error {
+    #[doc(hidden)]
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Error {
         Error { kind, message: message.into() }
     }
 
+    #[doc(hidden)]
     pub fn argument(message: impl Into<String>) -> Error {
         Error::new(ErrorKind::InvalidArgument, message)
     }

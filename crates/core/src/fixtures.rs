@@ -1,4 +1,4 @@
-//! Small meshes and maps for the unit tests of all crates.
+//! Small meshes and maps for the unit tests and examples of all crates.
 
 use std::sync::Arc;
 
@@ -11,6 +11,24 @@ use crate::mesh::{Mesh, MeshSource, TileMesh, UvSource};
 use crate::method::plan::Input;
 use crate::settings::TileSettings;
 use crate::view::Strided;
+
+/// A square that fills its tile, for examples of the documentation: its vertices, and the source of its mesh.
+pub fn square() -> ([[f32; 3]; 4], MeshSource<'static>) {
+    static UVS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    static REST: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let uvs = UvSource { u: Strided::from_slice(&UVS), ..UvSource::default() };
+    let positions = Strided::from_slice(&REST);
+    (
+        REST,
+        MeshSource {
+            positions,
+            face_counts: Some(&[4]),
+            indices: &[0, 1, 2, 3],
+            uvs,
+            ..MeshSource::default()
+        },
+    )
+}
 
 /// A sheet of n x n quads over the whole tile, on a rest surface.
 pub fn sheet(n: u32, rest: impl Fn(f64, f64) -> [f64; 3]) -> Mesh {

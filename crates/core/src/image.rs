@@ -68,11 +68,13 @@ impl ImageLayout {
     ///
     /// # Errors
     /// `InvalidArgument` naming `name` for a zero size or a stride smaller than what it spans.
+    #[doc(hidden)]
     pub fn resolve(&self, name: &str, channels: u32) -> Result<TexelLayout> {
         self.resolve_within(name, channels, isize::MAX as usize)
     }
 
     /// Checks the layout of an output at `data`, with its own number of channels.
+    #[doc(hidden)]
     pub fn resolve_output(&self, name: &str, data: *const u8) -> Result<TexelLayout> {
         let channels = self.channels.unwrap_or(2);
         if !(1..=4).contains(&channels) {
@@ -83,6 +85,7 @@ impl ImageLayout {
 
     /// Checks the layout of an image that may span at most `most` bytes, the limit set by its address. The error blames
     /// a stride if the image would fit without it.
+    #[doc(hidden)]
     pub fn resolve_within(&self, name: &str, channels: u32, most: usize) -> Result<TexelLayout> {
         let &ImageLayout { width, height, format, origin, .. } = self;
         if width == 0 || height == 0 {
@@ -187,6 +190,7 @@ impl<'a> ImageView<'a> {
 
     /// Copies the `wanted` pages of the image, in its format, rows from v = 0 upward. Values must be finite; they are
     /// clamped to 0..1.
+    #[doc(hidden)]
     pub fn to_map(self, name: &str, wanted: impl Fn(&TexelRect) -> bool) -> Result<Map> {
         let size = [self.layout.width as usize, self.layout.height as usize];
         self.check_finite(name, TexelRect { first: [0, 0], end: size })?;
@@ -199,6 +203,7 @@ impl<'a> ImageView<'a> {
     }
 
     /// Copies some texels to a map of the same size and format.
+    #[doc(hidden)]
     pub fn copy_to(&self, map: &mut Map, rect: TexelRect) {
         let size = self.layout.format.size();
         let is_packed = self.layout.pixel_stride == size;
@@ -215,6 +220,7 @@ impl<'a> ImageView<'a> {
     }
 
     /// Checks that the values of some texels are finite.
+    #[doc(hidden)]
     pub fn check_finite(&self, name: &str, rect: TexelRect) -> Result<()> {
         if matches!(self.layout.format, PixelFormat::U8 | PixelFormat::U16) {
             return Ok(());
@@ -232,6 +238,7 @@ impl<'a> ImageView<'a> {
     }
 
     /// A rectangle of texels, given by its first column and row in memory, its width and its height.
+    #[doc(hidden)]
     pub fn rect(&self, name: &str, first: [u32; 2], size: [u32; 2]) -> Result<TexelRect> {
         let ([width, height], _) = self.shape();
         let [first, size] = [first, size].map(|pair| pair.map(|x| x as usize));
@@ -274,6 +281,7 @@ impl ImagePart {
 pub struct ImageViewMut<'a> {
     /// Not a slice: the bytes that strides skip may belong to another image, written through its own view.
     data: *mut u8,
+    #[doc(hidden)]
     pub layout: TexelLayout,
     /// Place in the image of the whole tile.
     part: ImagePart,
@@ -344,10 +352,12 @@ impl<'a> ImageViewMut<'a> {
     }
 
     /// The part of the image of the whole tile that this view is.
+    #[doc(hidden)]
     pub fn part(&self) -> &ImagePart {
         &self.part
     }
 
+    #[doc(hidden)]
     pub fn as_mut_ptr(&mut self) -> *mut u8 {
         self.data
     }

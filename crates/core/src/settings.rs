@@ -225,6 +225,7 @@ impl TileSettings {
         (seams || open_borders).then_some(Beyond { seams, open_borders, reach: f64::from(self.seam_reach) })
     }
 
+    #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
         self.check_limits()?;
         if !(self.seam_reach > 0.0 && self.seam_reach <= MAX_SEAM_REACH) {
@@ -359,6 +360,7 @@ const MAX_CORRECTIONS: u32 = 64;
 
 impl SolveOptions {
     /// Checks the options that the solver uses.
+    #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
         if self.solver == Solver::Pbd {
             return self.pbd.check_limits();

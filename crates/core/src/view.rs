@@ -174,6 +174,7 @@ impl<'a> Strided<'a> {
     }
 
     /// The machine epsilon of its number format.
+    #[doc(hidden)]
     pub fn epsilon(&self) -> f64 {
         match self.scalar {
             Scalar::F32 => f32::EPSILON.into(),
@@ -207,11 +208,13 @@ impl<'a> Strided<'a> {
     }
 
     /// Errors with the index of the first component that is not finite.
+    #[doc(hidden)]
     pub fn check_finite(&self, name: &str) -> Result<()> {
         self.check(name, f64::is_finite)
     }
 
     /// Errors with the index of the first component that is not finite as f32.
+    #[doc(hidden)]
     pub fn check_f32(&self, name: &str) -> Result<()> {
         self.check(name, |value| (value as f32).is_finite())
     }
@@ -316,6 +319,7 @@ impl<'a> StridedMut<'a> {
 
     /// The address of an element.
     #[inline(always)]
+    #[doc(hidden)]
     pub fn address(&self, i: usize) -> *const u8 {
         self.first.wrapping_add(i * self.stride)
     }

@@ -78,17 +78,10 @@ impl<'a> ImageViewMut<'a> {
     /// A square in its rest pose: each texel of the redirection has the UV of its own centre.
     ///
     /// ```
-    /// # use vrtm::{Asset, Device, DeviceSettings, FetchKind, ImageViewMut, MeshSource, SolveOptions, Strided, UvSource};
+    /// # use vrtm::{Asset, Device, DeviceSettings, FetchKind, ImageViewMut, SolveOptions, Strided};
     /// # fn main() -> vrtm::Result<()> {
-    /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
-    /// # let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &MeshSource {
-    /// #     positions: Strided::from_slice(&rest),
-    /// #     face_counts: Some(&[4]),
-    /// #     indices: &[0, 1, 2, 3],
-    /// #     uvs: UvSource { u: Strided::from_slice(&uvs), ..UvSource::default() },
-    /// #     ..MeshSource::default()
-    /// # })?;
+    /// # let (rest, source) = vrtm_core::fixtures::square();
+    /// # let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
     /// # let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
     /// asset.solve(Strided::from_slice(&rest), &SolveOptions::default())?;
     /// let mut map = vec![[0.0f32; 2]; 4 * 4];
