@@ -17,14 +17,14 @@ import vrtm
 from conftest import refused, sheet, studded, until
 from vrtm import _call
 
+POSE = sheet(33).pose
+
 
 @pytest.fixture
 def slow(device):
     """An asset whose solves take long enough to be cancelled."""
-    model = sheet(33)
-    with studded(device, model, 1024, 64) as asset:
+    with studded(device, sheet(33), 1024, 64) as asset:
         asset.tile(1001).set_settings(grid_width=1024, grid_height=1024)
-        asset.pose = model.pose
         yield asset
 
 
@@ -44,8 +44,8 @@ def test_result(asset, model):
 
 
 def test_busy_and_cancel(slow):
-    job = slow.submit(slow.pose)
-    refused(vrtm.BusyError, "", slow.solve, slow.pose)
+    job = slow.submit(POSE)
+    refused(vrtm.BusyError, "", slow.solve, POSE)
     with pytest.raises(TimeoutError) as caught:
         job.result(0.001)
     assert isinstance(caught.value, vrtm.Error)
@@ -59,7 +59,7 @@ def test_busy_and_cancel(slow):
     refused(vrtm.NotSolvedError, "", slow.report)
     # It is free again.
     slow.tile(1001).set_settings(grid_width=64, grid_height=64)
-    slow.solve(slow.pose)
+    slow.solve(POSE)
 
 
 def test_await(device, model):
@@ -68,37 +68,83 @@ def test_await(device, model):
     async def all_of_them(assets):
         return await asyncio.gather(*(asset.submit(pose) for asset, pose in zip(assets, poses)))
 
-    async def given_up(asset, pose):
-        with pytest.raises(asyncio.TimeoutError):
-            await asyncio.wait_for(asset.submit(pose), 0.001)
-
     assets = [studded(device, model) for _ in poses]
     for asset, pose, report in zip(assets, poses, asyncio.run(all_of_them(assets))):
         assert report.ms_total > 0
         result = asset.tile(1001).fetch()
         asset.solve(pose)
         assert np.array_equal(asset.tile(1001).fetch(), result)
-    assets[0].tile(1001).set_settings(grid_width=1024, grid_height=1024)
-    asyncio.run(given_up(assets[0], poses[2]))
     for asset in assets:
         asset.close()
+
+
+class Held:
+    """A progress function that keeps the solve where it is until it may go on."""
+
+    def __init__(self):
+        self.begun, self.go = threading.Event(), threading.Event()
+
+    def __call__(self, fraction):
+        self.begun.set()
+        self.go.wait(60)
+
+
+def test_a_cancelled_task_leaves_the_asset_free(asset, model):
+    """Its end is the job's end: the next solve does not find the asset busy."""
+
+    async def given_up(end):
+        held = Held()
+        job = asset.submit(model.pose, progress=held)
+        task = asyncio.ensure_future(end(job))
+        await asyncio.to_thread(held.begun.wait, 60)
+        task.cancel()
+        for _ in range(10):
+            await asyncio.sleep(0)
+        assert not task.done() and not job.done()
+        held.go.set()
+        await asyncio.wait([task])
+        assert task.cancelled() and job.cancelled()
+        assert (await asset.submit(model.pose)).tiles == 1
+
+    async def replaced():
+        held = Held()
+        with asset.submit(model.pose, progress=held) as job:
+            held.begun.wait(60)
+            job.cancel()
+            held.go.set()
+            # It is the job that was cancelled, and not the task.
+            with pytest.raises(vrtm.CancelledError):
+                await job
+
+    async def itself(job):
+        return await job
+
+    asyncio.run(given_up(itself))
+    asyncio.run(given_up(lambda job: asyncio.wait_for(job, 60)))
+    asyncio.run(replaced())
+    held = Held()
+    with pytest.raises(ZeroDivisionError), asset.submit(model.pose, progress=held) as job:
+        held.go.set()
+        1 / 0  # noqa: B018
+    assert job.done()
+    asset.solve(model.pose)
 
 
 def test_progress(slow):
     seen = []
     slow.tile(1001).set_settings(grid_width=512, grid_height=512)
-    slow.solve(slow.pose, progress=seen.append)
+    slow.solve(POSE, progress=seen.append)
     assert len(seen) > 3 and seen == sorted(seen) and 0 <= seen[0] and seen[-1] <= 1
-    refused(vrtm.CancelledError, "", slow.solve, slow.pose * 1.1, progress=lambda fraction: True)
-    refused(ZeroDivisionError, "", slow.solve, slow.pose * 1.1, progress=lambda fraction: 1 / 0)
-    refused(ZeroDivisionError, "", slow.submit(slow.pose * 1.1, progress=lambda fraction: 1 / 0).result, 60)
+    refused(vrtm.CancelledError, "", slow.solve, POSE * 1.1, progress=lambda fraction: True)
+    refused(ZeroDivisionError, "", slow.solve, POSE * 1.1, progress=lambda fraction: 1 / 0)
+    refused(ZeroDivisionError, "", slow.submit(POSE * 1.1, progress=lambda fraction: 1 / 0).result, 60)
     # Whatever else a function returns is no wish to cancel.
-    slow.solve(slow.pose * 1.1, progress=lambda fraction: np.float64(1))
+    slow.solve(POSE * 1.1, progress=lambda fraction: np.float64(1))
 
 
 def test_the_gil_is_released(slow):
     counted = 0
-    job = slow.submit(slow.pose)
+    job = slow.submit(POSE)
     thread = threading.Thread(target=concurrent.futures.wait, args=([job],))
     thread.start()
     while not job.done() and counted <= 1000:
@@ -158,7 +204,7 @@ def run(code):
 def test_ctrl_c():
     """Ctrl-C in the middle of a solve ends it, and the asset goes on."""
     done = run("""
-        seen, cancelled, cancel = [], threading.Event(), asset.cancel
+        seen, cancelled, cancel = [], threading.Event(), vrtm.Asset.cancel
 
         def tell(fraction):
             seen.append(fraction)
@@ -167,7 +213,7 @@ def test_ctrl_c():
                 # However late the main thread looks.
                 cancelled.wait(60)
 
-        asset.cancel = lambda: (cancel(), cancelled.set())
+        vrtm.Asset.cancel = lambda self: (cancel(self), cancelled.set())
         try:
             asset.solve(model.pose, max_corrections=7, progress=tell)
             print("not interrupted")
@@ -234,6 +280,8 @@ def test_log(model, caplog):
     assert 50 < last.values[0] < 200 and last.values[1:] == (0,) * 5
     asset.close()
     assert not caplog.records
+    # Without a function all goes to Python's logging.
+    caplog.set_level("INFO", "vrtm")
     with vrtm.Device("cpu") as device, studded(device, model) as asset:
         asset.solve(model.pose * 100)
-    assert any(record.name == "vrtm" and record.levelname == "WARNING" for record in caplog.records)
+    assert {(record.name, record.levelname) for record in caplog.records} == {("vrtm", "INFO"), ("vrtm", "WARNING")}

@@ -3,10 +3,11 @@
 import asyncio
 import atexit
 import concurrent.futures
+import contextlib
 import ctypes
 import threading
 import weakref
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -14,16 +15,18 @@ from numpy.typing import ArrayLike
 from . import _abi
 from ._arrays import Pinned
 from ._errors import CancelledError, TimeoutError
-from ._library import check, library, new
+from ._library import Handle, check, library, new
 from ._options import SolveOptions, build
 from ._records import AssetReport
 
 
-class Job(concurrent.futures.Future):
+class Job(Handle, concurrent.futures.Future[AssetReport]):
     """A solve under way, made by Asset.submit: a future whose result is the asset's report. It can also be awaited.
 
-    result() and exception() wait with the GIL released, and take a timeout in seconds. cancel() ends the solve within
-    milliseconds; result() then raises CancelledError. Callbacks run on a thread of the job.
+    result() and exception() wait with the GIL released, and take a timeout in seconds. cancel() returns at once, and
+    the solve ends within milliseconds; result() and `await` then raise CancelledError. close(), or the end of a `with`
+    block, cancels it and waits for its end, as does a task that is cancelled while it awaits the job: the asset is free
+    then. Callbacks run on a thread of the job.
     """
 
     def __init__(
@@ -109,21 +112,40 @@ class Job(concurrent.futures.Future):
         if threading.current_thread() is not self._thread:
             self._thread.join()
 
+    def __enter__(self) -> "Job":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def __await__(self) -> Generator[Any, None, AssetReport]:
-        return asyncio.wrap_future(self).__await__()
+        return self._awaited().__await__()
+
+    async def _awaited(self) -> AssetReport:
+        future = asyncio.wrap_future(self)
+        # asyncio tells of exceptions that nobody has asked for; this one is raised below.
+        future.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
+        try:
+            await asyncio.wait([future])
+        except asyncio.CancelledError:
+            # It is the task that was cancelled, by a timeout or by hand: its next solve must not find the asset busy.
+            self.cancel()
+            await asyncio.wait([future])
+            raise
+        return self.result()
 
 
-class _translated:
+@contextlib.contextmanager
+def _translated() -> Iterator[None]:
     """Turns the exceptions of futures into those of this package, which are their subclasses."""
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
-        if isinstance(error, concurrent.futures.CancelledError) and not isinstance(error, CancelledError):
-            raise CancelledError(_abi.VRTM_ERROR_CANCELLED, "VRTM_ERROR_CANCELLED", "the job was cancelled") from None
-        if type(error) is concurrent.futures.TimeoutError:
-            raise TimeoutError(_abi.VRTM_ERROR_TIMEOUT, "VRTM_ERROR_TIMEOUT", "the job is not done yet") from None
+    try:
+        yield
+    except concurrent.futures.CancelledError:
+        raise CancelledError(_abi.VRTM_ERROR_CANCELLED, "VRTM_ERROR_CANCELLED", "the job was cancelled") from None
+    except concurrent.futures.TimeoutError as error:
+        if type(error) is not concurrent.futures.TimeoutError:
+            raise
+        raise TimeoutError(_abi.VRTM_ERROR_TIMEOUT, "VRTM_ERROR_TIMEOUT", "the job is not done yet") from None
 
 
 # Jobs that run: at the end of the process they are cancelled and waited for, since they may call Python functions.

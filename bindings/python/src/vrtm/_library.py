@@ -7,7 +7,7 @@ import sys
 import weakref
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from . import _abi
 from ._errors import error_of
@@ -72,7 +72,22 @@ def new(struct: type[Struct]) -> Struct:
     return value
 
 
-class Owned:
+class Handle:
+    """An object of the library, by its number there."""
+
+    if not TYPE_CHECKING:
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            if not name.startswith("_"):
+                raise AttributeError(f"{name}: no attribute of a vrtm.{type(self).__name__} can be set")
+            super().__setattr__(name, value)
+
+    def __reduce__(self) -> NoReturn:
+        # A copy would share the number, and another process does not know it.
+        raise TypeError(f"a vrtm.{type(self).__name__} belongs to this process, and cannot be copied or pickled")
+
+
+class Owned(Handle):
     """An object of the library. close(), the end of a `with` block, or the end of its last reference destroys it."""
 
     def _own(self, handle: Any, destroy: Callable[[Any], Any], kept: object = None) -> None:
