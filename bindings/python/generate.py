@@ -241,7 +241,7 @@ def records(header: Header) -> str:
         "from dataclasses import dataclass",
         "from typing import Literal, TypedDict",
         "",
-        "from ._table import Table",
+        "from ._table import Table, refuse",
         "",
     ]
     for typedef, node in header.typedefs.items():
@@ -250,8 +250,7 @@ def records(header: Header) -> str:
             lines += [f"{_literal(typedef)} = Literal[{', '.join(map(repr, values))}]"]
     # A record stands after those that it holds.
     for struct, name in RECORDS.items():
-        given = ["frozen=True"] * (struct not in SETTINGS) + ["repr=False"] * (struct in TABLES)
-        lines += ["", "", f"@dataclass({', '.join(given)})" if given else "@dataclass"]
+        lines += ["", "", f"@dataclass(frozen=True{', repr=False' * (struct in TABLES)})"]
         lines += [
             f"class {name}(Table):" if struct in TABLES else f"class {name}:",
             *_doc(header, header.field_docs[struct, ""]),
@@ -271,7 +270,8 @@ def records(header: Header) -> str:
     about = {d.name: _words(header, header.field_docs[TILE, d.name]) for d in header.structs[TILE][1:]}
     lines += ["", "", "# What the settings of a tile are for.", f"about_settings = {about!r}"]
     lines += ["", "", "# Which struct each of them is in the header."]
-    lines += ["structs = {", *(f'    {name}: "{struct}",' for struct, name in RECORDS.items()), "}", ""]
+    lines += ["structs = {", *(f'    {name}: "{struct}",' for struct, name in RECORDS.items()), "}"]
+    lines += ["", "for kind in structs:", '    setattr(kind, "__setattr__", refuse)', ""]
     return "\n".join(lines)
 
 

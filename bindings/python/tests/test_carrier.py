@@ -49,7 +49,7 @@ def test_frames_pieces_and_arrays_of_the_caller(asset, model):
     carriers = [asset.carrier(GRID, frames=frames, pieces=pieces) for frames in (quaternion, turned)]
     asset.solve(model.pose)
     rows = np.full((9, 8), 7, np.float32)
-    first, second = (carrier.fetch("rotations", out={"rotations": rows[:, 2:6]}).rotations for carrier in carriers)
+    first, second = (carrier.fetch("stretch", out={"rotations": rows[:, 2:6]}).rotations for carrier in carriers)
     assert np.allclose(np.abs((first * second).sum(1)), 1, atol=1e-5)
     assert (rows[:, :2] == 7).all() and (rows[:, 6:] == 7).all()
 
@@ -73,10 +73,18 @@ def test_what_is_wrong_is_named(asset):
         ({"uvs": GRID, "positions": GRID}, "one of uvs"),
         ({"uvs": GRID, "weights": GRID}, "weights: does not go with uvs"),
         ({"corners": [[0, 1, 2]]}, "weights: missing"),
+        ({"corners": np.zeros((3, 4), int), "weights": np.ones((4, 3))}, r"corners: has the shape \(3, 4\)"),
         ({"uvs": GRID, "pieces": [1]}, "pieces: has 1 elements"),
         ({"uvs": GRID, "fit": "best"}, "fit: 'best'"),
         ({"uvs": GRID, "heights": [1, 2]}, "heights: 2 elements"),
         ({"corners": [[0, 1, 9]], "weights": [[1, 1, 1]]}, "not three corners of one face"),
     ):
         refused((ValueError, vrtm.InvalidArgumentError), words, asset.carrier, **arguments)
-    refused(ValueError, "'places' is none of", asset.carrier(GRID).fetch, "places")
+    fetch, rows = asset.carrier(GRID).fetch, np.zeros((9, 4))
+    refused(ValueError, "'places' is none of positions, rotations", fetch, "places")
+    refused(ValueError, r"\['positions'\] is none of", fetch, ["positions"])
+    refused(ValueError, "'rotation' is none of positions, rotations", fetch, out={"rotation": rows})
+    refused(TypeError, "out: is a list, not a dict of arrays by name", fetch, out=[rows])
+    refused(ValueError, "rotations: is list, not an array of", fetch, out={"rotations": rows.tolist()})
+    refused(ValueError, "rotations: int64 is neither float32 nor float64", fetch, out={"rotations": rows.astype(int)})
+    refused(ValueError, r"stretch: is float64 \(9, 4\), not an array of float64 \(9, 2\)", fetch, out={"stretch": rows})

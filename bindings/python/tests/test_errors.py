@@ -1,5 +1,7 @@
 """Bad input gets an exception that names the argument, and nothing is lost."""
 
+import copy
+import dataclasses
 import pickle
 
 import numpy as np
@@ -33,10 +35,17 @@ def test_mesh(device, model):
     refused(vrtm.InvalidArgumentError, "indices", make, faces=model.faces + 1)
     refused(ValueError, "uvs: a mesh without UVs", make, uvs=None)
     refused(ValueError, r"uvs: has the shape", make, uvs=model.rest)
-    refused(vrtm.InvalidArgumentError, "uv_indices", make, uv_indices=model.faces[:-1])
-    refused(vrtm.InvalidArgumentError, "face_counts", make, faces=model.faces.reshape(-1), face_counts=[3])
+    refused(vrtm.InvalidArgumentError, "uv_indices", make, uv_indices=model.faces[:-1].reshape(-1))
+    refused(
+        vrtm.InvalidArgumentError, "face_counts", make, faces=model.faces.reshape(-1), face_counts=[3], uv_indices=None
+    )
     refused(ValueError, r"weld: 'maybe' is none of 'index', 'position', 'off'", make, weld="maybe")
     refused(ValueError, r"seams: has the shape", make, seams=[1, 2, 3])
+    # Corners by columns would be other faces.
+    turned = model.faces.T
+    refused(ValueError, r"indices: has the shape \(4, 256\), not \(faces, n\)", make, faces=turned, uv_indices=turned)
+    for name in ("uv_indices", "textured_faces"):
+        refused(ValueError, rf"{name}: has the shape \(4, 256\), not \(count,\) or \(256, n\)", make, **{name: turned})
     told = "indices: holds rows of different lengths: faces of different lengths are .* face_counts"
     triangle, quadrilateral = [0, 1, 2], [0, 1, 18, 17]
     for ragged in ([triangle, quadrilateral], [np.array(triangle), np.array(quadrilateral)]):
@@ -54,7 +63,11 @@ def test_pose_and_options(asset, model):
     before = asset.tile(1001).fetch()
     refused(vrtm.InvalidArgumentError, "positions: 288 elements", asset.solve, model.pose[:-1])
     refused(vrtm.InvalidArgumentError, "positions", asset.solve, np.full_like(model.pose, np.inf))
-    refused(TypeError, "speed: there is no such option", asset.solve, model.pose, speed=3)
+    refused(
+        TypeError, "speed: there is no such option of a solve; there are .*quality,", asset.solve, model.pose, speed=3
+    )
+    for tiles in (asset.tile(1001), [1001]):
+        refused(TypeError, "tiles: .* is no list of vrtm.Tile", asset.solve, model.pose, tiles=tiles)
     refused(ValueError, "quality: 'best' is none of 'normal', 'draft'", asset.solve, model.pose, quality="best")
     refused(ValueError, "threads: -1", asset.solve, model.pose, threads=-1)
     refused(TypeError, "threads: 1.5", asset.solve, model.pose, threads=1.5)
@@ -71,6 +84,7 @@ def test_images(asset, model):
     tile = asset.tile(1001)
     refused(ValueError, "rigidity: has the shape", tile.set_rigidity, np.zeros(5))
     refused(ValueError, "rigidity: has the shape", tile.set_rigidity, np.zeros((0, 4)))
+    refused(ValueError, r"rigidity: has the shape \(3, 8, 8\)", tile.set_rigidity, np.zeros((3, 8, 8)))
     refused(TypeError, "rigidity: holds int32", tile.set_rigidity, np.zeros((4, 4), np.int32))
     refused(ValueError, "channel: 3 is none of the 3", tile.set_rigidity, np.zeros((4, 4, 3)), channel=3)
     refused(ValueError, "origin: 'left'", tile.set_mask, np.zeros((4, 4)), origin="left")
@@ -93,7 +107,7 @@ def test_settings(asset):
     assert tile.settings.smoothness == pytest.approx(0.05) and tile.settings.overlap == "first_face"
     tile.set_settings(tile.settings, room=0)
     assert tile.settings.smoothness == pytest.approx(0.05) and tile.settings.room == 0
-    refused(TypeError, "stiffness: there is no such setting", tile.set_settings, stiffness=1)
+    refused(TypeError, "stiffness: there is no such setting.*smoothness,", tile.set_settings, stiffness=1)
     refused(ValueError, "overlap: 'last'", tile.set_settings, overlap="last")
     refused(vrtm.InvalidArgumentError, "smoothness", tile.set_settings, smoothness=-3)
     refused(ValueError, "grid_width: -1", tile.set_settings, grid_width=-1)
@@ -101,6 +115,25 @@ def test_settings(asset):
     assert tile.settings.overlap == "first_face"
     tile.set_settings()
     assert tile.settings.overlap == "fixed"
+
+
+def test_nothing_is_set_without_a_word(asset, model):
+    """Records are copies, and objects of the library have no attributes to set."""
+    tile, how = asset.tile(1001), r"tile.set_settings\(tile.settings, smoothness=0.7\) sets it"
+    refused(dataclasses.FrozenInstanceError, how, setattr, tile.settings, "smoothness", 0.7)
+    refused(AttributeError, r"PbdSettings\(iterations=2\)", setattr, vrtm.PbdSettings(), "iterations", 2)
+    job = asset.submit(model.pose)
+    for report in (job.result(), tile.report(), tile.info, asset.info, asset.tile(1001).estimate()):
+        refused(AttributeError, "a .* is a copy", setattr, report, next(iter(report.__annotations__)), 1)
+    objects = [asset.tiles[0].asset, tile, job, asset.carrier([[0.5, 0.5]]), asset.refine(), vrtm.Device("cpu")]
+    for owned in objects:
+        for name in ("smoothness", "udim", "settings"):
+            refused(AttributeError, f"{name}: no attribute of a vrtm", setattr, owned, name, 1)
+        for copied in (copy.copy, copy.deepcopy, pickle.dumps):
+            refused(TypeError, "belongs to this process", copied, owned)
+    fetch = vrtm.Fetch(tile, "warp", 8)
+    fetch.kind = "jacobian"
+    assert np.array_equal(asset.redirect(model.pose, [fetch])[0], tile.fetch("jacobian", 8))
 
 
 def test_device():

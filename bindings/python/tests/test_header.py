@@ -4,6 +4,7 @@ import ctypes
 import os
 import shutil
 import subprocess
+import sys
 import typing
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 import vrtm
 from vrtm import _abi, _names, _records
+from vrtm._arrays import Pixels
 
 HEADER = Path(__file__).resolve().parents[3] / "include" / "vrtm.h"
 
@@ -100,5 +102,11 @@ def test_hints_of_names_are_what_the_library_takes():
                 found.add(name)
     named = {"backend", "kind", "open_borders", "origin", "overlap", "quality", "seams", "solver", "weld"}
     assert found == named
+    # Outputs of tiles are arrays, and those of carriers are records.
+    if sys.version_info >= (3, 11):
+        outputs = [
+            typing.get_type_hints(one, None, local)["return"] for one in typing.get_overloads(vrtm.Asset.redirect)
+        ]
+        assert outputs == [list[Pixels], list[vrtm.Carried], list[Pixels | vrtm.Carried]]
     assert set(typing.get_args(vrtm.LogLevel)) == set(_names.values("log_level"))
     assert set(typing.get_args(vrtm.LogCode)) == set(_names.values("log_code"))

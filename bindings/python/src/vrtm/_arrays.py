@@ -21,6 +21,8 @@ class Pinned:
 
     def __init__(self) -> None:
         self._kept: list[Any] = []
+        #: Rows that a list of numbers may have: faces with their corners, points with theirs.
+        self.rows = 1
 
     def keep(self, value: Any) -> Any:
         self._kept.append(value)
@@ -48,8 +50,12 @@ class Pinned:
         return self.keep(struct)
 
     def indices(self, name: str, value: ArrayLike, *, none: bool = False) -> NDArray[np.uint32]:
-        """A one-dimensional array of unsigned 32-bit integers. `none`: -1 is allowed and means "none"."""
+        """A list of unsigned 32-bit integers, which may have two dimensions with a row for each face. `none`: -1 is
+        allowed and means "none"."""
         array = array_of(name, value)
+        if array.ndim > 1 and array.size not in (0, *array.shape) and array.shape[0] != self.rows:
+            # Its numbers would be read in another order than the caller thinks of.
+            raise ValueError(f"{name}: has the shape {array.shape}, not (count,) or ({self.rows}, n)")
         if array.dtype.kind not in "iu" and array.size:
             raise TypeError(f"{name}: holds {array.dtype}, not integers")
         array = array.reshape(-1)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _abi
-from ._arrays import Pinned, array_of, filled
+from ._arrays import Pinned, Pixels, array_of, filled
 from ._call import interruptible
-from ._carrier import Carrier
+from ._carrier import Carried, Carrier
 from ._device import Device
 from ._errors import InvalidArgumentError
 from ._fetch import CarrierFetch, Fetch
@@ -27,6 +27,7 @@ from ._tile import Tile
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+_Wanted = Fetch | Tile | CarrierFetch | Carrier
 
 _NAMED = 20
 """Tiles that a message names at most."""
@@ -80,15 +81,20 @@ class Asset(Owned):
         if corners.ndim == 2 and face_counts is None and face_offsets is None:
             # One row per face.
             face_counts = np.full(corners.shape[0], corners.shape[1], np.uint32)
-        _set_list(pinned, desc, "indices", corners, "index_count")
+            if len(corners) in (3, 4) and corners.shape[1] > 4:
+                # More likely a column per face.
+                raise ValueError(f"indices: has the shape {corners.shape}, not (faces, n); such faces need face_counts")
         _set_list(pinned, desc, "face_counts", face_counts, "face_count")
         _set_list(pinned, desc, "face_offsets", face_offsets, "face_offset_count")
+        counts = face_counts if face_counts is not None else face_offsets
+        pinned.rows = corners.size // 3 if counts is None else np.size(counts) - (face_counts is None)
+        _set_list(pinned, desc, "indices", corners, "index_count")
         _set_list(pinned, desc, "textured_faces", textured_faces, "textured_face_count")
         if seams is not None:
             pairs = array_of("seams", seams)
             if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2):
                 raise ValueError(f"seams: has the shape {pairs.shape}, not (count, 2)")
-            _set_list(pinned, desc, "seams", pairs, "seam_count")
+            _set_list(pinned, desc, "seams", pairs.reshape(-1), "seam_count")
             desc.seam_count //= 2
         _set_uvs(pinned, desc, "uvs", uvs, "uv_indices", uv_indices)
         if further := list(uv_sets):
@@ -170,12 +176,19 @@ class Asset(Owned):
         self._run(positions, [], options)
         return self.report()
 
+    @overload
     def redirect(
-        self,
-        positions: ArrayLike,
-        fetches: Sequence[Fetch | Tile | CarrierFetch | Carrier],
-        **options: Unpack[SolveOptions],
-    ) -> list[Any]:
+        self, positions: ArrayLike, fetches: Sequence[Fetch | Tile], **options: Unpack[SolveOptions]
+    ) -> list[Pixels]: ...
+    @overload
+    def redirect(
+        self, positions: ArrayLike, fetches: Sequence[CarrierFetch | Carrier], **options: Unpack[SolveOptions]
+    ) -> list[Carried]: ...
+    @overload
+    def redirect(
+        self, positions: ArrayLike, fetches: Sequence[_Wanted], **options: Unpack[SolveOptions]
+    ) -> list[Pixels | Carried]: ...
+    def redirect(self, positions: ArrayLike, fetches: Sequence[_Wanted], **options: Unpack[SolveOptions]) -> list[Any]:
         """Solves for a pose and returns an output for each of `fetches`, in one call: as solve, Tile.fetch and
         Carrier.fetch, but nothing else can use the asset in between. A bare Tile means its redirection map at the
         grid's size, a bare Carrier the positions and rotations of its points."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from . import _abi
-from ._arrays import FLOATS, Pinned, floats
+from ._arrays import FLOATS, Pinned, floats, output
 from ._library import Owned, check, library, new
 from ._names import natural, told, value_of
 from ._records import CarrierInfo
@@ -66,7 +66,7 @@ class Carrier(Owned):
         for name, components in vectors.items():
             if name in given:
                 setattr(desc, name, ctypes.pointer(pinned.vectors(name, given[name], components)))
-        count = len(np.asarray(given["weights" if ways[0] == "corners" else ways[0]]))
+        pinned.rows = count = len(np.asarray(given["weights" if ways[0] == "corners" else ways[0]]))
         for name, each in {"layers": 1, "corners": 3, "pieces": 1}.items():
             if name in given:
                 numbers = pinned.indices(name, given[name], none=name == "pieces")
@@ -94,9 +94,9 @@ class Carrier(Owned):
 
     def fetch(self, *names: str, dtype: DTypeLike = np.float32, out: Arrays | None = None) -> Carried:
         """Carries the points into the pose of the asset's last solve. `names`: what is wanted of positions, rotations
-        or matrices, stretch and uvs; by default positions and rotations. Arrays in `out`, by these names, are written
-        in place, whatever the distance of their rows. Raises NotSolvedError before the first solve that came after the
-        carrier was made."""
+        or matrices, stretch and uvs; by default positions and rotations. `out`: arrays by these names, which are
+        wanted, too, and written in place, whatever the distance of their rows. Raises NotSolvedError before the first
+        solve that came after the carrier was made."""
         target = CarriedTarget(self, names, dtype, out)
         check(library.vrtm_carrier_fetch(self._handle, ctypes.byref(target.struct)))
         return target.done()
@@ -108,18 +108,23 @@ class CarriedTarget:
     def __init__(self, carrier: Carrier, names: tuple[str, ...], dtype: DTypeLike, out: Arrays | None) -> None:
         count, carried = carrier.info.points, new(_abi.vrtm_carried)
         arrays: dict[str, Any] = {}
-        for name in names or ("positions", "rotations"):
-            if name not in _COLUMNS:
-                raise ValueError(f"{name!r} is none of {', '.join(_COLUMNS)}")
-            shape, given = (count, *_COLUMNS[name]), (out or {}).get(name)
-            array = np.empty(shape, dtype) if given is None else given
-            if array.shape != shape or array.dtype not in FLOATS or not array.flags.writeable:
-                raise ValueError(f"{name}: is {array.dtype} {array.shape}, not a writable array of floats {shape}")
+        out = {} if out is None else out
+        if not isinstance(out, dict):
+            raise TypeError(f"out: is a {type(out).__name__}, not a dict of arrays by name")
+        wanted = [*(names or ("positions", "rotations")), *out]
+        if wrong := [name for name in wanted if name not in tuple(_COLUMNS)]:
+            raise ValueError(f"{wrong[0]!r} is none of {', '.join(_COLUMNS)}")
+        for name in dict.fromkeys(wanted):
+            given = out.get(name)
+            format = np.dtype(getattr(given, "dtype", dtype))
+            if format not in FLOATS:
+                raise ValueError(f"{name}: {format} is neither float32 nor float64")
+            array = output(name, given, (count, *_COLUMNS[name]), format)
             row = array[:1]
             if count and (not row.flags.c_contiguous or array.strides[0] < row.nbytes):
                 raise ValueError(f"{name}: its rows are not contiguous")
             struct = new(_abi.vrtm_array_out)
-            struct.format, struct.data = FLOATS[array.dtype], array.ctypes.data
+            struct.format, struct.data = FLOATS[format], array.ctypes.data
             struct.count, struct.stride = count, array.strides[0] if count > 1 else 0
             arrays[name] = array
             setattr(carried, name, ctypes.pointer(struct))

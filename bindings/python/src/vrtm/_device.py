@@ -55,7 +55,7 @@ class Device(Owned):
     threads         CPU threads that one solve uses; 0 = one per core. Results do not depend on it
     memory_budget   maximum bytes that all assets of the device may hold; 0 = no limit
     log             called with each LogEntry, on the thread of the call (a job has a thread of its own); None =
-                    Python's logger "vrtm"
+                    Python's logger "vrtm": a warning as WARNING, which Python shows by itself, all else as INFO
 
     Raises UnsupportedError if the GPU was not found. Assets keep what they need of a device and may outlive it. May be
     used with `with`, which closes it.

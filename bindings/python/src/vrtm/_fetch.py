@@ -34,7 +34,7 @@ class Fetch:
         if not isinstance(tile, Tile):
             raise TypeError(f"tile: {tile!r} is no vrtm.Tile")
         self.tile, self.kind = tile, kind
-        self._kind = value_of("fetch_kind", kind, "kind")
+        value_of("fetch_kind", kind, "kind")
         self._uv_set = natural("uv_set", uv_set, 32)
         self._size = None if size is None else image_size(size)
         self._more: dict[str, Any] = {"dtype": dtype, "channels": channels, "origin": origin, "out": out}
@@ -47,7 +47,8 @@ class Fetch:
     def struct(self, target: Target) -> _abi.vrtm_fetch:
         """The library's struct."""
         struct = new(_abi.vrtm_fetch)
-        struct.kind, struct.tile, struct.uv_set = self._kind, self.tile._handle, self._uv_set
+        struct.kind = value_of("fetch_kind", self.kind, "kind")
+        struct.tile, struct.uv_set = self.tile._handle, self._uv_set
         struct.image = ctypes.pointer(target.struct)
         return struct
 

@@ -28,7 +28,7 @@ def image(pinned: Pinned, name: str, value: ArrayLike, channel: int, origin: Ori
     shape = array.shape
     if array.ndim == 2:
         array = array[:, :, None]
-    if array.ndim != 3 or 0 in shape:
+    if array.ndim != 3 or 0 in shape or array.shape[0] <= 4 < array.shape[2]:
         raise ValueError(f"{name}: has the shape {shape}, not (height, width) or (height, width, channels)")
     if not 0 <= channel < array.shape[2]:
         raise ValueError(f"channel: {channel} is none of the {array.shape[2]} of {name}")

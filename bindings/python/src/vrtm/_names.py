@@ -1,6 +1,7 @@
 """Values as the library has them: checked numbers, names for the header's constants, dataclasses for its structs."""
 
 import ctypes
+from collections.abc import Collection, Iterable
 from typing import Any, TypeVar
 
 from . import _abi, _records
@@ -72,6 +73,12 @@ def put(struct: ctypes.Structure, name: str, value: Any) -> None:
         setattr(struct, name, value)
     except TypeError:
         raise TypeError(f"{name}: {value!r} is no number") from None
+
+
+def known(what: str, names: Iterable[str], choices: Collection[str]) -> None:
+    """Checks the names of keyword arguments."""
+    for name in set(names) - set(choices):
+        raise TypeError(f"{name}: there is no such {what}; there are {', '.join(choices)}")
 
 
 def natural(name: str, value: Any, bits: int) -> int:

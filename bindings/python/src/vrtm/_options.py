@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from . import _abi
 from ._arrays import Pinned
 from ._library import new
-from ._names import fill, natural, put, value_of
+from ._names import fill, known, natural, put, value_of
 from ._records import PbdSettings, SolveFields
 from ._tile import Tile
 
@@ -61,9 +61,7 @@ def _value(name: str, hint: type, value: Any) -> Any:
 
 def build(pinned: Pinned, options: SolveOptions) -> tuple[Any, Progress | None]:
     """The library's struct, and the progress function if there is one."""
-    unknown = set(options) - set(SolveOptions.__annotations__)
-    if unknown:
-        raise TypeError(f"{sorted(unknown)[0]}: there is no such option of a solve")
+    known("option of a solve", options, SolveOptions.__annotations__)
     struct = pinned.keep(new(_abi.vrtm_solve_options))
     for name, hint in _HINTS.items():
         if name != "pbd" and name in options:
@@ -75,6 +73,8 @@ def build(pinned: Pinned, options: SolveOptions) -> tuple[Any, Progress | None]:
     struct.release = _abi.VRTM_RELEASE_RESULTS * bool(options.get("release_last"))
     struct.release |= _abi.VRTM_RELEASE_SOLVERS * bool(options.get("release_solvers"))
     if (tiles := options.get("tiles")) is not None:
+        if isinstance(tiles, Tile) or not all(isinstance(tile, Tile) for tile in tiles):
+            raise TypeError(f"tiles: {tiles!r} is no list of vrtm.Tile")
         handles = pinned.keep((_abi.vrtm_tile * max(len(tiles), 1))(*(tile._handle for tile in tiles)))
         struct.tiles, struct.tile_count = ctypes.cast(handles, ctypes.POINTER(_abi.vrtm_tile)), len(tiles)
     if (dirty := options.get("dirty_vertices")) is not None:

@@ -2,7 +2,17 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NoReturn
+
+
+def refuse(record: Any, name: str, value: Any) -> NoReturn:
+    """Takes the place of a record's __setattr__: what was set in a copy would be lost without a word."""
+    kind = type(record).__name__
+    how = {
+        "TileSettings": f": tile.set_settings(tile.settings, {name}={value!r}) sets it",
+        "PbdSettings": f": PbdSettings({name}={value!r}) makes another",
+    }
+    raise dataclasses.FrozenInstanceError(f"{name}: a {kind} is a copy, and cannot be changed{how.get(kind, '')}")
 
 
 class Table:

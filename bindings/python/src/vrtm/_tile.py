@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from . import _abi
 from ._arrays import Pinned, Pixels
 from ._images import PIXELS, Target, image, image_size, pixel_type
-from ._library import check, library, new
-from ._names import fill, natural, record, told, value_of
+from ._library import Handle, check, library, new
+from ._names import fill, known, natural, record, told, value_of
 from ._records import (
     FetchKind,
     MapInfo,
@@ -32,24 +32,26 @@ if TYPE_CHECKING:
     from ._asset import Asset
 
 
-class Tile:
+class Tile(Handle):
     """A tile of an asset: its maps, settings and results. Asset.tiles and Asset.tile hand them out."""
 
+    asset: Asset
+    """The asset that the tile belongs to."""
+    udim: int
+    """UDIM number, 1001 + U + 10 V."""
+    uv_set: int
+    """The UV set that the tile belongs to."""
+    layer: int
+    """Layer of its UDIM number: 0 unless the asset was made with max_layers. Layers share their maps and settings: what
+    is set for one of them holds for all."""
+    layers: int
+    """Number of layers of its UDIM number."""
+
     def __init__(self, asset: Asset, index: int) -> None:
-        #: The asset that the tile belongs to.
-        self.asset = asset
         self._handle, key = _abi.vrtm_tile(), _abi.vrtm_tile_key()
         check(library.vrtm_asset_get_tile(asset._handle, index, ctypes.byref(self._handle)))
         check(library.vrtm_tile_get_key(self._handle, ctypes.byref(key)))
-        #: UDIM number, 1001 + U + 10 V.
-        self.udim: int = key.udim
-        #: The UV set that the tile belongs to.
-        self.uv_set: int = key.uv_set
-        #: Which layer of its UDIM number the tile is: 0 unless the asset was made with max_layers. Layers share their
-        #: maps and settings: what is set for one of them holds for all.
-        self.layer: int = key.layer
-        #: The number of layers of its UDIM number.
-        self.layers: int = key.layers
+        vars(self).update(asset=asset, udim=key.udim, uv_set=key.uv_set, layer=key.layer, layers=key.layers)
 
     @property
     def info(self) -> TileInfo:
@@ -85,15 +87,13 @@ class Tile:
 
     @property
     def settings(self) -> TileSettings:
-        """The settings, with the defaults filled in."""
+        """A copy of the settings, with the defaults filled in; set_settings changes them."""
         return told(TileSettings, library.vrtm_tile_get_settings, self._handle)
 
     def set_settings(self, settings: TileSettings | None = None, **fields: Unpack[TileSettingsFields]) -> None:
         """Sets all settings: those given, with `fields` changed; without either, the defaults. To change one and keep
         the others: tile.set_settings(tile.settings, smoothness=0.05)."""
-        unknown = sorted(set(fields) - set(TileSettings.__annotations__))
-        if unknown:
-            raise TypeError(f"{unknown[0]}: there is no such setting of a tile")
+        known("setting of a tile", fields, TileSettings.__annotations__)
         settings = dataclasses.replace(settings or TileSettings(), **fields)
         for name in ("grid_width", "grid_height"):
             natural(name, getattr(settings, name), 32)
