@@ -3,7 +3,7 @@
 import numpy as np
 
 import vrtm
-from conftest import refused
+from conftest import refused, studded
 
 GRID = [(x, y) for x in (0.2, 0.4, 0.6) for y in (0.3, 0.5, 0.7)]
 
@@ -54,7 +54,7 @@ def test_frames_pieces_and_arrays_of_the_caller(asset, model):
     assert (rows[:, :2] == 7).all() and (rows[:, 6:] == 7).all()
 
 
-def test_points_come_with_the_images_of_one_solve(asset, model):
+def test_points_come_with_the_images_of_one_solve(device, asset, model):
     tile, carrier = asset.tiles[0], asset.carrier(GRID)
     rows = np.zeros((9, 3), np.float64)
     carried = [vrtm.CarrierFetch(carrier, "stretch"), vrtm.CarrierFetch(carrier, "positions", out={"positions": rows})]
@@ -63,6 +63,13 @@ def test_points_come_with_the_images_of_one_solve(asset, model):
     alone = carrier.fetch("positions", "rotations", "stretch")
     assert (points.positions == alone.positions).all() and (points.rotations == alone.rotations).all()
     assert points.stretch is None and (stretch.stretch == alone.stretch).all()
+    # As they are without a solve, all of the last one.
+    again = asset.fetch([vrtm.Fetch(tile, size=32), carrier, tile])
+    assert (again[0] == image).all() and (again[1].positions == points.positions).all()
+    assert (again[2] == tile.fetch()).all() and asset.fetch([]) == []
+    with studded(device, model) as other:
+        refused(ValueError, r"fetches\[1\]: .* belongs to another asset", other.fetch, [carrier, tile])
+        refused(vrtm.NotSolvedError, "", other.fetch, other.tiles)
     assert more.positions is rows and np.allclose(rows, alone.positions, atol=1e-5) and rows.any()
     refused(TypeError, "carrier: 7 is no", vrtm.CarrierFetch, 7)
 

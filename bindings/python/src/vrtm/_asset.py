@@ -192,25 +192,43 @@ class Asset(Owned):
         """Solves for a pose and returns an output for each of `fetches`, in one call: as solve, Tile.fetch and
         Carrier.fetch, but nothing else can use the asset in between. A bare Tile means its redirection map at the
         grid's size, a bare Carrier the positions and rotations of its points."""
+        return self._run(positions, fetches, options)
 
-        def whole(fetch: Any) -> Fetch | CarrierFetch:
-            if isinstance(fetch, (Fetch, CarrierFetch)):
-                return fetch
-            return CarrierFetch(fetch) if isinstance(fetch, Carrier) else Fetch(fetch)
+    @overload
+    def fetch(self, fetches: Sequence[Fetch | Tile]) -> list[Pixels]: ...
+    @overload
+    def fetch(self, fetches: Sequence[CarrierFetch | Carrier]) -> list[Carried]: ...
+    @overload
+    def fetch(self, fetches: Sequence[_Wanted]) -> list[Pixels | Carried]: ...
+    def fetch(self, fetches: Sequence[_Wanted]) -> list[Any]:
+        """Outputs of the last solve, as redirect returns them: all of one and the same solve, even if another one ends
+        meanwhile. Never waits for a solve. Raises NotSolvedError before the first."""
+        targets, structs = self._targets(Pinned(), fetches, next=False)
+        check(library.vrtm_asset_fetch(structs, len(targets)))
+        return [target.done() for target in targets]
 
-        return self._run(positions, [whole(fetch) for fetch in fetches], options)
+    def _targets(self, pinned: Pinned, fetches: Sequence[Any], next: bool) -> tuple[list[Any], Any]:
+        """The arrays that outputs are written to, and the library's structs."""
+        targets: list[Any] = []
+        structs = (_abi.vrtm_fetch * max(len(fetches), 1))()
+        for k, fetch in enumerate(fetches):
+            if not isinstance(fetch, (Fetch, CarrierFetch)):
+                fetch = CarrierFetch(fetch) if isinstance(fetch, Carrier) else Fetch(fetch)
+            if isinstance(fetch, Fetch) and fetch.tile.asset is not self:
+                raise ValueError(f"fetches[{k}]: {fetch.tile!r} belongs to another asset")
+            targets += [fetch.target(pinned, next)]
+            structs[k] = fetch.struct(targets[-1])
+        return targets, structs
 
-    def _run(self, positions: ArrayLike, fetches: list[Any], options: SolveOptions) -> list[Any]:
+    def _run(self, positions: ArrayLike, fetches: Sequence[Any], options: SolveOptions) -> list[Any]:
         pinned = Pinned()
         points = pinned.vectors("positions", positions, 3, more=1)
         struct, progress = build(pinned, options)
-        targets = [fetch.target(pinned) for fetch in fetches]
-        wanted = (fetch.struct(target) for fetch, target in zip(fetches, targets))
-        structs = (_abi.vrtm_fetch * max(len(fetches), 1))(*wanted)
+        targets, structs = self._targets(pinned, fetches, next=True)
 
         def call() -> None:
             status = library.vrtm_asset_redirect(
-                self._handle, ctypes.byref(points), ctypes.byref(struct), structs, len(fetches)
+                self._handle, ctypes.byref(points), ctypes.byref(struct), structs, len(targets)
             )
             if progress is not None and progress.error is not None:
                 raise progress.error

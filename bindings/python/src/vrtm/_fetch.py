@@ -1,4 +1,4 @@
-"""The outputs to request from Asset.redirect."""
+"""The outputs to request from Asset.redirect and Asset.fetch."""
 
 import ctypes
 from typing import Any
@@ -17,7 +17,7 @@ from ._tile import Tile
 
 
 class Fetch:
-    """One image of a tile, for Asset.redirect; the arguments are those of Tile.fetch."""
+    """One image of a tile, for Asset.redirect and Asset.fetch; the arguments are those of Tile.fetch."""
 
     def __init__(
         self,
@@ -39,9 +39,9 @@ class Fetch:
         self._size = None if size is None else image_size(size)
         self._more: dict[str, Any] = {"dtype": dtype, "channels": channels, "origin": origin, "out": out}
 
-    def target(self, pinned: Pinned) -> Target:
-        """The array that the output is written to."""
-        size = self.tile._size(self.kind, self._size, self._more["out"], next=True)
+    def target(self, pinned: Pinned, next: bool) -> Target:
+        """The array that the output is written to: of the last solve, or of the next."""
+        size = self.tile._size(self.kind, self._size, self._more["out"], next=next)
         return Target(pinned, self.kind, size, **self._more)
 
     def struct(self, target: Target) -> _abi.vrtm_fetch:
@@ -54,14 +54,14 @@ class Fetch:
 
 
 class CarrierFetch:
-    """The points of a carrier, for Asset.redirect; the arguments are those of Carrier.fetch."""
+    """The points of a carrier, for Asset.redirect and Asset.fetch; the arguments are those of Carrier.fetch."""
 
     def __init__(self, carrier: Carrier, *names: str, dtype: DTypeLike = np.float32, out: Arrays | None = None) -> None:
         if not isinstance(carrier, Carrier):
             raise TypeError(f"carrier: {carrier!r} is no vrtm.Carrier")
         self.carrier, self._names, self._dtype, self._out = carrier, names, dtype, out
 
-    def target(self, pinned: Pinned) -> CarriedTarget:
+    def target(self, _pinned: Pinned, _next: bool) -> CarriedTarget:
         """The arrays that the points are written to."""
         return CarriedTarget(self.carrier, self._names, self._dtype, self._out)
 

@@ -68,10 +68,10 @@ class Job(Handle, concurrent.futures.Future[AssetReport]):
             super().cancel()
         if not self.set_running_or_notify_cancel():
             return
-        if error is not None:
-            self.set_exception(error)
-        else:
+        if error is None and report is not None:
             self.set_result(report)
+        else:
+            self.set_exception(error)
 
     @property
     def progress(self) -> float:
