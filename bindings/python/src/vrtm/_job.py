@@ -15,18 +15,18 @@ from numpy.typing import ArrayLike
 from . import _abi
 from ._arrays import Pinned
 from ._errors import CancelledError, TimeoutError
-from ._library import Handle, check, library, new
+from ._library import Owned, check, library, new
 from ._options import SolveOptions, build
 from ._records import AssetReport
 
 
-class Job(Handle, concurrent.futures.Future[AssetReport]):
+class Job(Owned, concurrent.futures.Future[AssetReport]):
     """A solve under way, made by Asset.submit: a future whose result is the asset's report. It can also be awaited.
 
     result() and exception() wait with the GIL released, and take a timeout in seconds. cancel() returns at once, and
     the solve ends within milliseconds; result() and `await` then raise CancelledError. close(), or the end of a `with`
     block, cancels it and waits for its end, as does a task that is cancelled while it awaits the job: the asset is free
-    then. Callbacks run on a thread of the job.
+    then. Callbacks run on a thread of the job. The progress function cannot wait for its own job: BusyError.
     """
 
     def __init__(
@@ -40,9 +40,7 @@ class Job(Handle, concurrent.futures.Future[AssetReport]):
         check(library.vrtm_asset_submit(asset, ctypes.byref(points), ctypes.byref(struct), ctypes.byref(handle)))
         # A method of the asset, which it keeps alive.
         self._report = report
-        self._handle = handle
-        # Handles are numbers that are never reused: cancelling a job that has ended does nothing.
-        self._final_progress: float | None = None
+        self._own(handle, library.vrtm_job_destroy)
         _running.add(self)
         # The thread keeps the job, and so the asset and the progress function, alive until the end.
         self._thread = threading.Thread(target=self._wait, name="vrtm job", daemon=True)
@@ -57,9 +55,6 @@ class Job(Handle, concurrent.futures.Future[AssetReport]):
                 report = self._report()
             except Exception as raised:
                 error = raised
-            self._final_progress = self.progress
-            # After this the library no longer uses the job, and its handle is destroyed.
-            library.vrtm_job_destroy(self._handle)
         finally:
             _running.discard(self)
         if self._progress is not None and self._progress.error is not None:
@@ -76,13 +71,9 @@ class Job(Handle, concurrent.futures.Future[AssetReport]):
     @property
     def progress(self) -> float:
         """Predicted fraction (0..1) of the work that is done; it never decreases."""
-        if self._final_progress is not None:
-            return self._final_progress
         struct = new(_abi.vrtm_job_progress)
-        if library.vrtm_job_get_progress(self._handle, ctypes.byref(struct)) != _abi.VRTM_OK:
-            # The job ended in the meantime.
-            return self._final_progress if self._final_progress is not None else 1.0
-        return struct.progress
+        check(library.vrtm_job_get_progress(self._handle, ctypes.byref(struct)))
+        return float(struct.progress)
 
     def cancel(self) -> bool:
         """Cancels the solve; returns at once, False if it was done already. A solve that already has its result ends
@@ -98,25 +89,21 @@ class Job(Handle, concurrent.futures.Future[AssetReport]):
 
     def result(self, timeout: float | None = None) -> AssetReport:
         """Waits for the end, for at most `timeout` seconds; returns the asset's report or raises the job's error."""
-        with _translated():
+        with self._waiting():
             return super().result(timeout)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
         """Waits for the end; returns the job's exception, or None."""
-        with _translated():
+        with self._waiting():
             return super().exception(timeout)
 
     def close(self) -> None:
         """Cancels the job and waits for its end."""
         self.cancel()
-        if threading.current_thread() is not self._thread:
-            self._thread.join()
-
-    def __enter__(self) -> "Job":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        with self._waiting():
+            if threading.current_thread() is not self._thread:
+                self._thread.join()
+        super().close()
 
     def __await__(self) -> Generator[Any, None, AssetReport]:
         return self._awaited().__await__()
@@ -134,18 +121,20 @@ class Job(Handle, concurrent.futures.Future[AssetReport]):
             raise
         return self.result()
 
-
-@contextlib.contextmanager
-def _translated() -> Iterator[None]:
-    """Turns the exceptions of futures into those of this package, which are their subclasses."""
-    try:
-        yield
-    except concurrent.futures.CancelledError:
-        raise CancelledError(_abi.VRTM_ERROR_CANCELLED, "VRTM_ERROR_CANCELLED", "the job was cancelled") from None
-    except concurrent.futures.TimeoutError as error:
-        if type(error) is not concurrent.futures.TimeoutError:
-            raise
-        raise TimeoutError(_abi.VRTM_ERROR_TIMEOUT, "VRTM_ERROR_TIMEOUT", "the job is not done yet") from None
+    @contextlib.contextmanager
+    def _waiting(self) -> Iterator[None]:
+        """Raises BusyError on a thread that does the job's work, which would wait for itself; and turns the exceptions
+        of futures into those of this package, which are their subclasses."""
+        if library.vrtm_job_wait(self._handle, 0) == _abi.VRTM_ERROR_BUSY:
+            check(_abi.VRTM_ERROR_BUSY)
+        try:
+            yield
+        except concurrent.futures.CancelledError:
+            raise CancelledError(_abi.VRTM_ERROR_CANCELLED, "VRTM_ERROR_CANCELLED", "the job was cancelled") from None
+        except concurrent.futures.TimeoutError as error:
+            if type(error) is not concurrent.futures.TimeoutError:
+                raise
+            raise TimeoutError(_abi.VRTM_ERROR_TIMEOUT, "VRTM_ERROR_TIMEOUT", "the job is not done yet") from None
 
 
 # Jobs that run: at the end of the process they are cancelled and waited for, since they may call Python functions.
