@@ -58,8 +58,23 @@ KEYWORDS = {
     "SolveFields": ("vrtm_solve_options", {"release", "tile_count", "dirty_vertex_count", "progress"}),
 }
 
+# Fields that say nothing to Python.
+HIDDEN = {"struct_size", "reserved"}
+
 # Integers that are true or false.
-FLAGS = {"software", "has_uuid", "has_luid", "truncated", "measured", "kept", "reached", "warm", "measure", "at_border"}
+FLAGS = {
+    "software",
+    "has_uuid",
+    "has_luid",
+    "truncated",
+    "measured",
+    "kept",
+    "reached",
+    "warm",
+    "measure",
+    "replace",
+    "at_border",
+}
 
 
 class Header:
@@ -256,14 +271,14 @@ def records(header: Header) -> str:
             *_doc(header, header.field_docs[struct, ""]),
         ]
         for decl in header.structs[struct]:
-            if decl.name == "struct_size":
+            if decl.name in HIDDEN:
                 continue
             lines += ["", f"    {decl.name}: {_hint(header, struct, decl)}"]
             lines += _doc(header, header.field_docs[struct, decl.name])
     for name, (struct, others) in KEYWORDS.items():
         lines += ["", "", f"class {name}(TypedDict, total=False):"]
         for decl in header.structs[struct]:
-            if decl.name in others | {"struct_size"} or isinstance(decl.type, c_ast.PtrDecl):
+            if decl.name in others | HIDDEN or isinstance(decl.type, c_ast.PtrDecl):
                 continue
             lines += [f"    {decl.name}: {_hint(header, struct, decl).partition(' = ')[0]}"]
             lines += _doc(header, header.field_docs[struct, decl.name])

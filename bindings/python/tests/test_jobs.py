@@ -131,6 +131,22 @@ def test_a_cancelled_task_leaves_the_asset_free(asset, model):
     asyncio.run(cancelled())
 
 
+def test_the_newest_pose_wins(asset, model):
+    """Each job takes the place of the one before it, and the last one's result stays."""
+    jobs = [asset.submit(model.rest + (model.pose - model.rest) * k / 20, replace=True) for k in range(1, 21)]
+    assert not concurrent.futures.wait(jobs, 60).not_done
+    assert all(job.cancelled() or job.result().tiles == 1 for job in jobs) and not jobs[-1].cancelled()
+    found = asset.tile(1001).fetch()
+    asset.solve(model.pose)
+    assert np.array_equal(asset.tile(1001).fetch(), found)
+    # A job cannot replace itself.
+    held = Held()
+    job = asset.submit(model.pose, progress=lambda fraction: held(fraction) or asset.submit(model.rest, replace=True))
+    held.go.set()
+    refused(vrtm.BusyError, "", job.result, 60)
+    refused(vrtm.InvalidArgumentError, "options.replace", asset.solve, model.pose, replace=True)
+
+
 def test_progress(slow):
     seen = []
     slow.tile(1001).set_settings(grid_width=512, grid_height=512)
