@@ -200,7 +200,8 @@ class Case(unittest.TestCase):
     def check(self, arm: Arm, asset=None, pose: np.ndarray | None = None, obj: bpy.types.Object | None = None) -> float:
         """The object's result is that of the package's asset for the object's pose. Returns the farthest way."""
         obj, asset = obj or arm.object, asset or arm.asset()
-        report = asset.solve(arm.pose(obj) if pose is None else pose, quality=obj.vrtm.quality)
+        pose, settings = arm.pose(obj) if pose is None else pose, obj.vrtm
+        report = asset.solve(pose, quality=settings.quality, scale=settings.scale)
         self.assertEqual(report.folds, 0)
         image, expected = pixels(obj.vrtm.image), arm.delta(asset)
         self.assertSame(np.ascontiguousarray(image[..., :2]), expected)

@@ -139,6 +139,7 @@ class Solve(Case):
             ({"calm": -1}, {"smoothness": 0.005}),
             ({"keep_direction": 0.5}, {"orientation_density": 0.5}),
             ({"room": 2}, {"room": 2}),
+            ({"scale": "follow"}, {}),
             # The defaults are the library's.
             ({}, {}),
             ({"seams": "keep"}, {"seams": "keep"}),

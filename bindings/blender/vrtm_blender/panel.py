@@ -111,6 +111,7 @@ class VRTM_PT_advanced(_Part, bpy.types.Panel):
             ("calm", "Up: no jitter in films. Down: rounder features"),
             ("keep_direction", "Up: scales and lettering turn less"),
             ("room", "Leave it, unless skin is crushed"),
+            ("scale", "Follow: under a scale control features grow, too"),
             ("weld", "Vertices at one place: Weld for imported files, Cut for lips"),
         ):
             column = layout.column(align=True)

@@ -149,14 +149,14 @@ class Prepared:
         for tile in self._tiles():
             tile.set_settings(**settings)
 
-    def measured(self, seams: str, positions: np.ndarray, quality: str) -> list[vrtm.TileReport]:
+    def measured(self, seams: str, positions: np.ndarray, options: dict[str, object]) -> list[vrtm.TileReport]:
         """The reports of a pose with these seams, on at most 512 cells per side. The settings are to be set again."""
         self.stamps.pop("settings", None)
         for tile in self._tiles():
             width, height = (min(cells, MEASURED) for cells in tile.grid)
             ways = {"seams": seams, "open_borders": "fixed"}
             tile.set_settings(tile.settings, grid_width=width, grid_height=height, **ways)
-        self.asset.solve(positions, quality=quality, measure=True)
+        self.asset.solve(positions, **options)
         return [tile.report() for tile in self.asset.tiles]
 
     def _set_mask(self, new: Map) -> None:

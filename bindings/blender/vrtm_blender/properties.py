@@ -159,6 +159,14 @@ class VrtmSettings(bpy.types.PropertyGroup):
             ("cut", "Cut", "As many as the mesh has, as between lips: features end there"),
         ],
     )
+    scale: EnumProperty(
+        name="Scale",
+        description="The size of features on a body that is larger or smaller than at rest",
+        items=[
+            ("keep", "Keep", "Features keep their size, as on a body that swells"),
+            ("follow", "Follow", "Features grow and shrink with the pose as a whole, as under a scale control"),
+        ],
+    )
     device: EnumProperty(
         name="Device",
         items=[

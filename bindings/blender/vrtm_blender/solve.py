@@ -80,7 +80,7 @@ def settings_of(obj: bpy.types.Object) -> dict[str, object]:
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
     """The options of the library's solves for this object."""
-    return {"quality": level_of(obj)[0], "measure": obj.vrtm.measure}
+    return {"quality": level_of(obj)[0], "measure": obj.vrtm.measure, "scale": obj.vrtm.scale}
 
 
 def prepare(obj: bpy.types.Object, state: State) -> None:
@@ -104,8 +104,8 @@ def find_seams(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgra
     prepare(obj, state)
     prepared, positions = state.prepared, geometry.pose(obj, depsgraph)
     if any(tile.info.fixed for tile in prepared.asset.tiles):
-        quality, choose = options_of(obj)["quality"], session.library("vrtm.borders").kept_or_shut
-        found, told = choose(lambda seams: prepared.measured(seams, positions, quality))
+        options, choose = options_of(obj) | {"measure": True}, session.library("vrtm.borders").kept_or_shut
+        found, told = choose(lambda seams: prepared.measured(seams, positions, options))
         told = f"at frame {depsgraph.scene.frame_current} {told}"
         # The tiles have other settings now.
         state.maps_changed = True

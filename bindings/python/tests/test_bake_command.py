@@ -103,6 +103,7 @@ def test_what_is_up_to_date_is_left_alone(scene: Path, tmp_path: Path) -> None:
     for change in (
         ("--quality", "draft"),
         ("--half",),
+        ("--scale", "follow"),
         ("--map-size", 32),
         ("--size", 32),
         ("--mask", scene.parent / "rigid.<UDIM>.png"),

@@ -65,7 +65,7 @@ def test_the_library_knows_the_defaults_of_every_struct():
 def test_records_have_all_fields():
     """Each dataclass has what its struct has, and each field is described."""
     for cls, struct in _records.structs.items():
-        fields = [n for n, *_ in getattr(_abi, struct)._fields_ if n != "struct_size"]
+        fields = [n for n, *_ in getattr(_abi, struct)._fields_ if n not in ("struct_size", "reserved")]
         assert list(cls.__annotations__) == fields
     assert len(_records.structs) == 14
 
@@ -100,7 +100,7 @@ def test_hints_of_names_are_what_the_library_takes():
                 argument = {"kind": "fetch_kind"}.get(name, name)
                 assert set(typing.get_args(hint)) == set(_names.values(argument)), (place, name)
                 found.add(name)
-    named = {"backend", "kind", "open_borders", "origin", "overlap", "quality", "seams", "solver", "weld"}
+    named = {"backend", "kind", "open_borders", "origin", "overlap", "quality", "scale", "seams", "solver", "weld"}
     assert found == named
     # Outputs of tiles are arrays, and those of carriers are records.
     if sys.version_info >= (3, 11):

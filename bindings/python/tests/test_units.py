@@ -11,6 +11,7 @@ from bake_scenes import flat, opened
 from conftest import sheet
 from scenes import POINTS, TYPES, mesh, primvar, stage
 from vrtm.bake import remarks
+from vrtm.bake.rows import figures
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 from vrtm.bake.units import Finding, Units
 from vrtm.bake.work import Work
@@ -131,9 +132,9 @@ def test_a_unit_that_cannot_be_told_ends_the_bake_or_is_warned_of() -> None:
     assert not finding.ends and finding.factor == 1 and "as if one of them were in another unit" in finding.warning
 
 
-def work(scene: Path, allow_units: bool = False, **options: object) -> Work:
+def work(scene: Path, allow_units: bool = False, scale: str = "keep", **options: object) -> Work:
     rigidity = str(flat(scene.parent / "rigid.png"))
-    return opened(scene, SceneOptions(**options), rigidity=rigidity, allow_units=allow_units)
+    return opened(scene, SceneOptions(**options), rigidity=rigidity, allow_units=allow_units, scale=scale)
 
 
 def shot(path: Path, factor: float, meters: float = 0.01) -> Usd.Stage:
@@ -154,6 +155,14 @@ def test_units_of_pref_and_of_rest_files(tmp_path: Path) -> None:
         bake.check_units()
     with work(tmp_path / "inches.usda", allow_units=True) as bake:
         assert bake.shapes[0].rest[2, 0] == 2 and not [note for note in remarks.notes(bake) if "unit" in note]
+    # Features that follow the scale need no units.
+    with work(tmp_path / "inches.usda", scale="follow") as bake:
+        assert bake.shapes[0].rest[2, 0] == 2 and not [note for note in remarks.notes(bake) if "unit" in note]
+        bake.check_units()
+        (part,) = bake.parts
+        part.solve(1, 2.54 * bake.shapes[0].rest, part.tiles, False, False, False, lambda: None)
+        told = figures(part.tiles[0], (16, 16), None, bake.settings)
+        assert told["scale"] == pytest.approx(2.54) and told["scale_spread"] < 1e-3 and told["max_displacement"] == 0
     # The layers say it: Pref is from one in meters, the poses from one in centimeters.
     shot(tmp_path / "shot.usda", 100, 0.01).Save()
     model = stage(tmp_path / "model.usda", meters=1)

@@ -57,6 +57,7 @@ from ._records import Overlap as Overlap
 from ._records import PbdSettings as PbdSettings
 from ._records import Quality as Quality
 from ._records import RefinementInfo as RefinementInfo
+from ._records import Scale as Scale
 from ._records import Seams as Seams
 from ._records import Solver as Solver
 from ._records import Strain as Strain

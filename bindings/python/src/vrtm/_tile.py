@@ -144,8 +144,8 @@ class Tile(Handle):
         """An output of the last solve as an image, (height, width, channels).
 
         kind        "redirection": the UV at which to sample the texture, within the tile, v up;
-                    "redirection_delta": the redirection minus the texel's own UV;
-                    "redirection_udim": the redirection plus the tile's offset;
+                    "redirection_delta": the redirection minus the texel's own UV (vrtm bake --form delta);
+                    "redirection_udim": the redirection plus the tile's offset (--form udim);
                     "warp": the redirection's inverse, texels on nodes; "jacobian": du'/du, du'/dv, dv'/du, dv'/dv;
                     "filter_scale": its largest singular value;
                     "uv_set": where the redirection leads to, as a UV of the set `uv_set`; "uv_set_delta": how far that

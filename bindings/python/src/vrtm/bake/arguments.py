@@ -194,6 +194,9 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add = group("work")
     text = "The quality of the solve; draft is several times as fast."
     add("--quality", text, choices=("draft", "normal"), default="normal")
+    text = "Features keep the size that they have at rest, as on a body that swells (keep), or grow with the pose as a "
+    text += "whole, as under a scale control (follow)."
+    add("--scale", text, choices=("keep", "follow"), default="keep")
     add("--warm", "Start each frame from the one before it in --frames.")
     text = "With --warm, hold each frame to the one before it, against jitter. Useful are 0.03 to 0.3."
     add("--temporal-weight", text, "X", type=positive)

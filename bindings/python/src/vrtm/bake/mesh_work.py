@@ -81,6 +81,8 @@ class MeshWork:
         """True if the memory of a tile's solver is given back once the tile is solved."""
         self.listed = outputs.listed(settings)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
+        if settings.scale != "keep":
+            common.text("scale", settings.scale)
         if settings.warm:
             common.text("warm", settings.temporal_weight)
         self.dilated: dict[tuple[Part, str, int], warped.Texture] = {}

@@ -182,6 +182,7 @@ class Part:
             self.asset.solve(
                 positions,
                 quality=settings.quality,
+                scale=settings.scale,
                 warm=warm,
                 temporal_weight=settings.temporal_weight if warm else 0.0,
                 release_solvers=release,

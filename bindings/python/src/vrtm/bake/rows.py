@@ -81,10 +81,11 @@ def features(tile: vrtm.Tile) -> dict:
 def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, settings: Settings) -> dict:
     """Figures of a solve that its file keeps: none that changes from run to run, such as times. `found`: facts about
     maps of the size."""
-    report = tile.tile.report()
+    report, pose = tile.tile.report(), tile.part.asset.report()
     names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement")
     counts = ("charts", "charts_fallback", "charts_apart")
     kept: dict = {name: getattr(report, name) for name in (*names, *counts)}
+    kept |= {name: getattr(pose, name) for name in ("scale", "scale_spread")}
     facts = tile.tile.info
     nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
     kept |= {"overlap": facts.overlap, "fixed": facts.fixed, "movable": facts.movable_nodes / nodes}

@@ -57,6 +57,7 @@ class Settings:
     root: str | None = None
     freeze: Frame | None = None
     quality: vrtm.Quality = "normal"
+    scale: vrtm.Scale = "keep"
     warm: bool = False
     temporal_weight: float = 0.0
     seams: str = AUTO

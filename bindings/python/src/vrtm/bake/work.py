@@ -168,7 +168,7 @@ class Work(contextlib.AbstractContextManager):
 
     def _in_units(self, shape: Shape) -> Shape:
         """The shape with its rest in the units of its poses."""
-        if self.settings.allow_units:
+        if self.settings.allow_units or self.settings.scale == "follow":
             return shape
         ruler = units.Units(shape, self.scene.frames, lambda frame: self.scene.positions(shape, frame))
         finding = ruler.finding()
