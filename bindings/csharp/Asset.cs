@@ -1,8 +1,13 @@
-// A mesh that is redirected, for C#: what most programs need of the C API in Vrtm.cs, with arrays in the place of pointers.
+// A mesh that is redirected, for C#: what most programs need of the C API in Vrtm.cs, with arrays in place of pointers.
 using System;
+using System.Collections.Generic;
 using System.Runtime.InteropServices;
 using System.Text;
+using System.Threading;
 using static Vrtm.Api;
+#if UNITY_5_3_OR_NEWER
+using MonoPInvokeCallbackAttribute = AOT.MonoPInvokeCallbackAttribute;
+#endif
 
 namespace Vrtm
 {
@@ -18,12 +23,34 @@ namespace Vrtm
         }
     }
 
+#if !UNITY_5_3_OR_NEWER
+    /// <summary>Marks functions that native code calls, for compilers ahead of time.</summary>
+    [AttributeUsage(AttributeTargets.Method)]
+    internal sealed class MonoPInvokeCallbackAttribute : Attribute
+    {
+        public MonoPInvokeCallbackAttribute(Type type)
+        {
+        }
+    }
+#endif
+
+    /// <summary>Receives a line of the log, on any thread: its level, code and values, and its words. Exceptions that
+    /// it throws are dropped.</summary>
+    public delegate void Log(vrtm_log_entry entry, string message);
+
     /// <summary>One mesh with its maps and results, on a device of its own. One thread at a time may use it.</summary>
     public sealed unsafe class Asset : IDisposable
     {
+        // The library calls this one function, which finds the asset's log by its number. It may do so after Dispose,
+        // from a call that another thread has not ended. The delegate stands here so that it is never collected.
+        private static readonly vrtm_log_fn Receiver = Receive;
+        private static readonly Dictionary<long, Log> Logs = new Dictionary<long, Log>();
+        private static long assets;
+
+        private readonly long number = Interlocked.Increment(ref assets);
+        private readonly int vertices;
         private vrtm_device device;
         private vrtm_asset asset;
-        private readonly int vertices;
 
         /// <summary>Reads a mesh at rest. All is copied.</summary>
         /// <param name="positions">Three numbers per vertex.</param>
@@ -33,8 +60,9 @@ namespace Vrtm
         /// <param name="uvIndices">UV of each corner; null = one UV per corner.</param>
         /// <param name="weldByPosition">Vertices at one place are one, as in meshes of games.</param>
         /// <param name="gpu">Take a GPU where there is one.</param>
+        /// <param name="log">Receives warnings and facts; null = warnings go to the console's errors.</param>
         public Asset(float[] positions, uint[] faceCounts, uint[] indices, float[] uvs, uint[] uvIndices = null,
-            bool weldByPosition = false, bool gpu = false)
+            bool weldByPosition = false, bool gpu = false, Log log = null)
         {
             if (positions == null || indices == null || uvs == null)
             {
@@ -45,6 +73,12 @@ namespace Vrtm
             {
                 var about = vrtm_device_desc.Init();
                 about.backend = gpu ? VRTM_BACKEND_AUTO : VRTM_BACKEND_CPU;
+                about.log = Marshal.GetFunctionPointerForDelegate(Receiver);
+                about.log_user = (void*)number;
+                lock (Logs)
+                {
+                    Logs[number] = log ?? Warn;
+                }
                 fixed (vrtm_device* made = &device)
                 {
                     Check(vrtm_device_create(&about, made));
@@ -53,7 +87,8 @@ namespace Vrtm
                 fixed (uint* counts = faceCounts, corners = indices, uvCorners = uvIndices)
                 fixed (vrtm_asset* made = &asset)
                 {
-                    vrtm_array points = Packed(p, positions.Length, 3, "positions"), texture = Packed(t, uvs.Length, 2, "uvs");
+                    vrtm_array points = Packed(p, positions.Length, 3, "positions");
+                    vrtm_array texture = Packed(t, uvs.Length, 2, "uvs");
                     var mesh = vrtm_mesh_desc.Init();
                     mesh.positions = &points;
                     mesh.face_counts = counts;
@@ -77,10 +112,7 @@ namespace Vrtm
         /// <summary>Sets the rigidity of a tile (1001), 0 (elastic) to 255 (rigid), first row at v = 1.</summary>
         public void SetRigidity(uint udim, byte[] values, int width, int height)
         {
-            if (values == null || width < 0 || height < 0 || values.Length != (long)width * height)
-            {
-                throw new ArgumentException($"values: {values?.Length ?? 0} values for {width} x {height} texels");
-            }
+            CheckSize("values", values, 1, width, height);
             fixed (byte* data = values)
             {
                 var image = vrtm_image.Init();
@@ -129,27 +161,29 @@ namespace Vrtm
             }
         }
 
-        /// <summary>Writes a tile's redirection minus the texel's own UV, the bits of two half floats per texel, first row at v = 0 as
-        /// Unity's and OpenGL's textures have it: a texture of 16-bit floats.</summary>
+        /// <summary>Cancels the solve or the job that is under way, from any thread: it soon fails with
+        /// VRTM_ERROR_CANCELLED, and the last good result stays. Returns at once.</summary>
+        public void Cancel()
+        {
+            Check(vrtm_asset_cancel(asset));
+        }
+
+        /// <summary>Writes a tile's redirection minus the texel's own UV, the bits of two half floats per texel, first
+        /// row at v = 0 as Unity's and OpenGL's textures have it: a texture of 16-bit floats.</summary>
         public void FetchDelta(uint udim, ushort[] halves, int width, int height)
         {
-            if (halves == null || width < 0 || height < 0 || halves.Length != 2L * width * height)
-            {
-                throw new ArgumentException($"halves: {halves?.Length ?? 0} values for {width} x {height} texels");
-            }
+            CheckSize("halves", halves, 2, width, height);
             fixed (ushort* data = halves)
             {
                 Fetch(udim, VRTM_FETCH_REDIRECTION_DELTA, data, VRTM_PIXEL_F16, VRTM_ORIGIN_BOTTOM, width, height);
             }
         }
 
-        /// <summary>Writes a tile's redirection: the UV at which the texture is to be looked up, first row at v = 1.</summary>
+        /// <summary>Writes a tile's redirection: the UV at which the texture is to be looked up, first row at
+        /// v = 1.</summary>
         public void FetchRedirection(uint udim, float[] uvs, int width, int height)
         {
-            if (uvs == null || width < 0 || height < 0 || uvs.Length != 2L * width * height)
-            {
-                throw new ArgumentException($"uvs: {uvs?.Length ?? 0} values for {width} x {height} texels");
-            }
+            CheckSize("uvs", uvs, 2, width, height);
             fixed (float* data = uvs)
             {
                 Fetch(udim, VRTM_FETCH_REDIRECTION, data, VRTM_PIXEL_F32, VRTM_ORIGIN_TOP, width, height);
@@ -190,6 +224,10 @@ namespace Vrtm
                 vrtm_device_destroy(device);
                 device.id = 0;
             }
+            lock (Logs)
+            {
+                Logs.Remove(number);
+            }
             GC.SuppressFinalize(this);
         }
 
@@ -221,6 +259,15 @@ namespace Vrtm
             return tile;
         }
 
+        private static void CheckSize(string name, Array values, int channels, int width, int height)
+        {
+            if (values == null || width < 0 || height < 0 || values.Length != (long)channels * width * height)
+            {
+                var texels = $"{width} x {height} texels" + (channels == 1 ? "" : $" of {channels}");
+                throw new ArgumentException($"{name}: {values?.Length ?? 0} values for {texels}");
+            }
+        }
+
         private static vrtm_array Packed(float* data, int length, int components, string name)
         {
             if (length % components != 0)
@@ -237,19 +284,44 @@ namespace Vrtm
         {
             if (status != VRTM_OK)
             {
-                var message = (IntPtr)vrtm_last_error();
-                throw new VrtmException(status, Utf8(message));
+                throw new VrtmException(status, Utf8(vrtm_last_error()));
             }
         }
 
-        private static string Utf8(IntPtr text)
+        private static void Warn(vrtm_log_entry entry, string message)
+        {
+            if (entry.level == VRTM_LOG_LEVEL_WARNING)
+            {
+                Console.Error.WriteLine("vrtm: " + message);
+            }
+        }
+
+        [MonoPInvokeCallback(typeof(vrtm_log_fn))]
+        private static void Receive(void* user, vrtm_log_entry* entry)
+        {
+            try
+            {
+                Log log;
+                lock (Logs)
+                {
+                    Logs.TryGetValue((long)user, out log);
+                }
+                log?.Invoke(*entry, Utf8(entry->message));
+            }
+            catch
+            {
+                // It must not pass through the library.
+            }
+        }
+
+        private static string Utf8(byte* text)
         {
             var length = 0;
-            while (Marshal.ReadByte(text, length) != 0)
+            while (text[length] != 0)
             {
                 length++;
             }
-            return Encoding.UTF8.GetString((byte*)text, length);
+            return Encoding.UTF8.GetString(text, length);
         }
     }
 }

@@ -1,5 +1,5 @@
-// Tests Vrtm.cs and Asset.cs, and the component for Unity with stand-ins of its classes. Prints a line per test, and the count as
-// cargo does.
+// Tests Vrtm.cs and Asset.cs, and the component for Unity with stand-ins of its classes. Prints a line per test, and
+// the count as cargo does.
 using System;
 using System.Reflection;
 using System.Threading;
@@ -92,6 +92,13 @@ internal static unsafe class Program
             // The first row is v = 0 here.
             var half = Half(halves[2 * ((Size - 1 - y) * Size + x)]);
             That(Math.Abs(moved) > .01f && Math.Abs(half - moved) < 1e-4f, $"{moved} and {half}");
+            // A frame of a component's thread allocates nothing.
+            asset.Solve(Rest);
+            asset.FetchDelta(1001, halves, Size, Size);
+            var bytes = GC.GetAllocatedBytesForCurrentThread();
+            asset.Solve(Pose);
+            asset.FetchDelta(1001, halves, Size, Size);
+            That(GC.GetAllocatedBytesForCurrentThread() == bytes, "a solve allocates");
             // The same with a draft, and another smoothness.
             var settings = asset.GetSettings(1001);
             That(settings.smoothness == .02f, $"{settings.smoothness}");
@@ -159,44 +166,113 @@ internal static unsafe class Program
         return points;
     }
 
-    private static void Component()
+    private static readonly int[] Triangles = { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 };
+
+    /// <summary>A component that has started, beside a renderer whose transform has a scale.</summary>
+    private static VrtmSkin Started(float scale, Texture2D rigidity)
     {
         var uv = new Vector2[Uvs.Length / 2];
         for (var k = 0; k < uv.Length; k++)
         {
             uv[k] = new Vector2 { x = Uvs[2 * k], y = Uvs[2 * k + 1] };
         }
-        var mesh = new Mesh { vertices = Points(Rest), uv = uv, triangles = new[] { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 } };
-        var skinned = new SkinnedMeshRenderer { sharedMesh = mesh, posed = Points(Pose) };
-        var map = new Texture2D(Size, Size) { pixels = Array.ConvertAll(Painted(), red => new Color32 { r = red }) };
-        var component = new VrtmSkin { skinned = skinned, rigidity = map, size = Size, draft = false };
+        var mesh = new Mesh { vertices = Points(Rest), uv = uv, triangles = Triangles };
+        var skinned = new SkinnedMeshRenderer { sharedMesh = mesh, posed = Points(Pose), scale = scale };
+        var component = new VrtmSkin { name = "Sheet", skinned = skinned, rigidity = rigidity, size = Size };
+        component.draft = false;
         Call(component, "Start");
-        var texture = skinned.material.texture;
-        That(texture.shown.Length == 2 * Size * Size && Array.TrueForAll(texture.shown, bits => bits == 0), "no map yet");
-        while (Array.TrueForAll(texture.shown, bits => bits == 0) && component.enabled)
-        {
-            Call(component, "LateUpdate");
-            Thread.Yield();
-        }
-        That(component.enabled, Debug.error);
-        using (var asset = new Asset(Rest, null, new uint[] { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 }, Uvs,
-            new uint[] { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 }, weldByPosition: true))
+        return component;
+    }
+
+    private static Texture2D Map()
+    {
+        return new Texture2D(Size, Size) { pixels = Array.ConvertAll(Painted(), red => new Color32 { r = red }) };
+    }
+
+    private static ushort[] Expected(float[] pose)
+    {
+        var corners = Array.ConvertAll(Triangles, corner => (uint)corner);
+        using (var asset = new Asset(Rest, null, corners, Uvs, corners, weldByPosition: true))
         {
             asset.SetRigidity(1001, Painted(), Size, Size);
-            asset.Solve(Pose);
-            var expected = new ushort[2 * Size * Size];
-            asset.FetchDelta(1001, expected, Size, Size);
-            That(string.Join(" ", expected) == string.Join(" ", texture.shown), "the component's map");
+            asset.Solve(pose);
+            var delta = new ushort[2 * Size * Size];
+            asset.FetchDelta(1001, delta, Size, Size);
+            return delta;
         }
-        // A pose that is not finite ends it with a message.
-        skinned.posed[0].x = float.NaN;
-        while (component.enabled)
+    }
+
+    /// <summary>Frames of a component, until something holds or it ends.</summary>
+    private static void Frames(VrtmSkin component, Func<bool> enough)
+    {
+        while (component.enabled && !enough())
         {
             Call(component, "LateUpdate");
             Thread.Yield();
         }
-        That(Debug.error.Contains("positions"), Debug.error);
+    }
+
+    private static bool Shows(VrtmSkin component, ushort[] map)
+    {
+        return string.Join(" ", component.skinned.material.texture.shown) == string.Join(" ", map);
+    }
+
+    private static void Component()
+    {
+        var component = Started(100, Map());
+        var expected = Expected(Pose);
+        That(Shows(component, new ushort[expected.Length]), "no map yet");
+        Frames(component, () => !Shows(component, new ushort[expected.Length]));
+        That(component.enabled, Debug.error);
+        That(Shows(component, expected), "the component's map");
+        // Further frames allocate nothing.
+        var frame = (Action)Delegate.CreateDelegate(typeof(Action), component, "LateUpdate");
+        var before = GC.GetAllocatedBytesForCurrentThread();
+        for (var k = 0; k < 100; k++)
+        {
+            frame();
+            Thread.Yield();
+        }
+        That(GC.GetAllocatedBytesForCurrentThread() == before, "frames allocate");
+        // A pose that is not finite ends it with a message.
+        component.skinned.posed[0].x = float.NaN;
+        Frames(component, () => false);
+        That(Debug.error.StartsWith("vrtm, Sheet: ") && Debug.error.Contains("positions"), Debug.error);
         Call(component, "OnDestroy");
+    }
+
+    private static void Newest()
+    {
+        var component = Started(1, Map());
+        component.newestPoseWins = true;
+        // Larger by so much that the library warns; the warning holds the solve.
+        var far = Array.ConvertAll(Pose, value => 5 * value);
+        ManualResetEvent held = new ManualResetEvent(false), released = new ManualResetEvent(false);
+        Debug.warned = () =>
+        {
+            held.Set();
+            released.WaitOne();
+        };
+        component.skinned.posed = Points(far);
+        Call(component, "LateUpdate");
+        That(held.WaitOne(60000) && Debug.warning.StartsWith("vrtm, Sheet: "), "no warning");
+        component.skinned.posed = Points(Pose);
+        Call(component, "LateUpdate");
+        Debug.warned = null;
+        released.Set();
+        Frames(component, () => !Shows(component, new ushort[2 * Size * Size]));
+        That(component.enabled && Shows(component, Expected(Pose)), "the newest pose's map comes first");
+        Call(component, "OnDestroy");
+    }
+
+    private static void Unusable()
+    {
+        foreach (var map in new[] { null, new Texture2D(Size, Size) { isReadable = false } })
+        {
+            var component = Started(1, map);
+            That(!component.enabled && Debug.error.Contains("rigidity cannot be read"), Debug.error);
+            Call(component, "OnDestroy");
+        }
     }
 
     private static int Main()
@@ -205,6 +281,8 @@ internal static unsafe class Program
         Test("structs have their sizes and defaults", Defaults);
         Test("errors name the argument and lose nothing", Errors);
         Test("the component for Unity shows the map of its pose", Component);
+        Test("the component's newest pose wins, and its warnings are shown", Newest);
+        Test("the component says what it cannot use", Unusable);
         Console.WriteLine($"test result: {(failed == 0 ? "ok" : "FAILED")}. {passed} passed; {failed} failed; 0 ignored");
         return failed == 0 ? 0 : 1;
     }

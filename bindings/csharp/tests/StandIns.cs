@@ -1,5 +1,7 @@
-// Stands in for the few classes of Unity that examples/hosts/unity uses, so that the tests compile and run the component.
+// Stands in for the few classes of Unity that examples/hosts/unity uses, so that the tests compile and run the
+// component. None of them allocates for a frame.
 using System;
+using System.Collections.Generic;
 
 namespace UnityEngine
 {
@@ -36,8 +38,18 @@ namespace UnityEngine
         }
     }
 
+    [AttributeUsage(AttributeTargets.Field)]
+    public sealed class TooltipAttribute : Attribute
+    {
+        public TooltipAttribute(string tooltip)
+        {
+        }
+    }
+
     public class Object
     {
+        public string name;
+
         public static void Destroy(Object thing)
         {
         }
@@ -82,10 +94,18 @@ namespace UnityEngine
     {
         public Mesh sharedMesh;
         public Vector3[] posed;
+        public float scale = 1;
 
-        public void BakeMesh(Mesh mesh)
+        /// <summary>Bakes in the units of the mesh if `useScale`, and else as large as the transform makes it.</summary>
+        public void BakeMesh(Mesh mesh, bool useScale = false)
         {
-            mesh.vertices = posed;
+            mesh.vertices = mesh.vertices ?? new Vector3[posed.Length];
+            var factor = useScale ? 1 : scale;
+            for (var k = 0; k < posed.Length; k++)
+            {
+                var point = posed[k];
+                mesh.vertices[k] = new Vector3 { x = factor * point.x, y = factor * point.y, z = factor * point.z };
+            }
         }
     }
 
@@ -94,6 +114,13 @@ namespace UnityEngine
         public Vector3[] vertices;
         public Vector2[] uv;
         public int[] triangles;
+        public bool isReadable = true;
+
+        public void GetVertices(List<Vector3> found)
+        {
+            found.Clear();
+            found.AddRange(vertices);
+        }
     }
 
     public class Texture2D : Object
@@ -102,6 +129,7 @@ namespace UnityEngine
         public Color32[] pixels;
         public ushort[] shown;
         public TextureWrapMode wrapMode;
+        public bool isReadable = true;
         private ushort[] set;
 
         public Texture2D(int width, int height)
@@ -121,22 +149,32 @@ namespace UnityEngine
 
         public void SetPixelData(ushort[] data, int level)
         {
-            set = (ushort[])data.Clone();
+            set = set ?? new ushort[data.Length];
+            data.CopyTo(set, 0);
         }
 
         public void Apply(bool mips)
         {
-            shown = set;
+            shown = shown ?? new ushort[set.Length];
+            set.CopyTo(shown, 0);
         }
     }
 
     public static class Debug
     {
         public static string error;
+        public static volatile string warning;
+        public static Action warned;
 
         public static void LogError(string message, Object context)
         {
             error = message;
+        }
+
+        public static void LogWarning(string message)
+        {
+            warning = message;
+            warned?.Invoke();
         }
     }
 }
