@@ -1,8 +1,9 @@
 #!/bin/sh
 # Writes the files of one release for one system: the archive (the stripped library, the headers, the CMake package and
-# vrtm.pc, the licences of vrtm and of all that is linked into it), with --python the wheel, the add-on for Blender and the
-# list of what is in them (SPDX), with --web the npm package and the page instead; and SHA256SUMS of all. Their bytes follow
-# from the library's alone: names are sorted, times are that of the commit, owners are nobody.
+# vrtm.pc, the licences of vrtm and of all that is linked into it), with --python the wheel, the add-on for Blender, the
+# package for Unity and the list of what is in them (SPDX), with --web the npm package and the page instead; and
+# SHA256SUMS of all. Their bytes follow from the library's alone: names are sorted, times are that of the commit, owners
+# are nobody.
 set -eu
 
 help() {
@@ -10,8 +11,8 @@ help() {
 usage: sh bindings/release.sh [options]
 
   --out DIR          where to write to (target/release-archive)
-  --python PROGRAM   a Python 3.11 or newer with pip, hatchling and pycparser: also makes the wheel, the add-on and the SPDX
-                     file; with auditwheel it confirms the wheel's tag
+  --python PROGRAM   a Python 3.11 or newer with pip, hatchling and pycparser: also makes the wheel, the add-on, the package
+                     for Unity and the SPDX file; with auditwheel it confirms the wheel's tag
   --web              packs bindings/web/dist and examples/web/dist, which `npm run build` and `npm run page` have made; makes
                      no library. With --python also the SPDX file
   --glibc X.Y        link for this glibc or a newer one, by zig: ZIG is its program, or "PYTHON -m ziglang"
@@ -226,4 +227,10 @@ cp "$work/wheel/$wheel" "$out/"
 addon=$(basename "$work"/addon/*.zip)
 cp "$work/addon/$addon" "$out/"
 made="$made $wheel $addon"
+case $triple in # Unity runs on these.
+    x86_64-*-linux-gnu | x86_64-*-windows-* | *-apple-darwin)
+        unity=$("$python" "$here/unity.py" --out "$out" "$triple=$library")
+        made="$made $(basename "$unity")"
+        ;;
+esac
 finish "$triple"

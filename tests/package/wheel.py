@@ -1,6 +1,7 @@
-"""Looks at what is in a release's wheel, in its add-on for Blender and in its list of what is in them; then a program
-for its system, where need be in an emulator, loads the library of the wheel as Python does. With --use the wheel is
-for this machine: it is installed to an empty folder, and a Python that has nothing but numpy solves with it.
+"""Looks at what is in a release's wheel, in its add-on for Blender, in its package for Unity and in its list of what is
+in them; then a program for its system, where need be in an emulator, loads the library of the wheel as Python does.
+With --use the wheel is for this machine: it is installed to an empty folder, and a Python that has nothing but numpy
+solves with it.
 
     python wheel.py --release FOLDER --tag win_amd64 --platform windows-x64 --out FOLDER --program LOADS --version V
         --triple TRIPLE [--run EMULATOR] [--use]
@@ -16,6 +17,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -109,7 +111,9 @@ def main() -> None:
 
     [wheel] = arguments.release.glob(f"vrtm-{arguments.version}-py3-none-*.whl")
     addon = arguments.release / f"vrtm-{arguments.version}-{arguments.platform.replace('-', '_')}.zip"
-    check_list([wheel, addon], arguments)
+    packages = list(arguments.release.glob(f"vrtm-{arguments.version}-unity-{arguments.platform}.tgz"))
+    assert len(packages) == (arguments.platform != "linux-arm64"), packages
+    check_list([wheel, addon, *packages], arguments)
     with zipfile.ZipFile(wheel) as archive:
         library = check_wheel(archive, arguments)
         abi: dict = {}
@@ -120,6 +124,11 @@ def main() -> None:
         assert manifest["wheels"] == [f"./wheels/{wheel.name}"], manifest["wheels"]
         with zipfile.ZipFile(io.BytesIO(archive.read(f"wheels/{wheel.name}"))) as inner:
             assert check_wheel(inner, arguments) == library
+    for package in packages:
+        with tarfile.open(package) as archive:
+            plugins = [name for name in archive.getnames() if re.search(r"/Plugins/.*\.(dll|so|dylib)$", name)]
+            assert [archive.extractfile(name).read() for name in plugins] == [library], plugins
+            assert "package/Runtime/Vrtm.cs" in archive.getnames(), archive.getnames()
     path = arguments.out / ("vrtm.dll" if arguments.tag.startswith("win") else "libvrtm.so")
     path.write_bytes(library)
     run = [arguments.run] if arguments.run else []

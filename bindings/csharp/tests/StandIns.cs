@@ -3,6 +3,17 @@
 using System;
 using System.Collections.Generic;
 
+namespace AOT
+{
+    [AttributeUsage(AttributeTargets.Method)]
+    public sealed class MonoPInvokeCallbackAttribute : Attribute
+    {
+        public MonoPInvokeCallbackAttribute(Type type)
+        {
+        }
+    }
+}
+
 namespace UnityEngine
 {
     public struct Vector2
