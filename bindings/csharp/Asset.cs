@@ -1,9 +1,12 @@
 // A mesh that is redirected, for C#: what most programs need of the C API in Vrtm.cs, with arrays in place of pointers.
+// The rest of it takes Asset.Handle and Asset.Tile, and Asset.Check throws where a call has failed.
 using System;
 using System.Collections.Generic;
+using System.Runtime.CompilerServices;
 using System.Runtime.InteropServices;
 using System.Text;
 using System.Threading;
+using System.Threading.Tasks;
 using static Vrtm.Api;
 #if UNITY_5_3_OR_NEWER
 using MonoPInvokeCallbackAttribute = AOT.MonoPInvokeCallbackAttribute;
@@ -38,6 +41,111 @@ namespace Vrtm
     /// it throws are dropped.</summary>
     public delegate void Log(vrtm_log_entry entry, string message);
 
+    /// <summary>One map to be fetched from a tile.</summary>
+    public struct Map
+    {
+        /// <summary>The tile.</summary>
+        public uint Udim;
+        /// <summary>One of VRTM_FETCH_ but CARRIED.</summary>
+        public int Kind;
+        /// <summary>Length(Kind, Width, Height) numbers: float[], or ushort[] for the bits of half floats.</summary>
+        public Array Values;
+        /// <summary>Texels in u and in v.</summary>
+        public int Width, Height;
+        /// <summary>First row at v = 0, as in Unity's and OpenGL's textures, in place of v = 1.</summary>
+        public bool FromBottom;
+        /// <summary>For VRTM_FETCH_UV_SET and its delta: the UV set that the values are UVs of.</summary>
+        public uint UvSet;
+
+        /// <summary>Numbers for each texel.</summary>
+        public static int Channels(int kind)
+        {
+            return kind == VRTM_FETCH_JACOBIAN ? 4 : kind == VRTM_FETCH_FILTER_SCALE ? 1 : 2;
+        }
+
+        /// <summary>Numbers of a map: the size of its array.</summary>
+        public static long Length(int kind, int width, int height)
+        {
+            return (long)Channels(kind) * width * height;
+        }
+    }
+
+    /// <summary>One solve that runs beside the program's own work. Any thread may use it. `await job` waits for its
+    /// end, as Wait does.</summary>
+    public sealed class Job : IDisposable
+    {
+        private readonly Asset asset; // That it is not collected before.
+        private readonly vrtm_job job;
+        private int destroyed;
+
+        internal Job(Asset asset, vrtm_job job)
+        {
+            this.asset = asset;
+            this.job = job;
+        }
+
+        /// <summary>State, status, fraction of the work that is done, and time.</summary>
+        public unsafe vrtm_job_progress Progress
+        {
+            get
+            {
+                var progress = vrtm_job_progress.Init();
+                Asset.Check(vrtm_job_get_progress(job, &progress));
+                return progress;
+            }
+        }
+
+        /// <summary>Cancels it and returns at once: it ends soon after with VRTM_ERROR_CANCELLED, unless it already has
+        /// its result.</summary>
+        public void Cancel()
+        {
+            Asset.Check(vrtm_job_cancel(job));
+        }
+
+        /// <summary>Waits for its end, and throws what the solve would have thrown. False: the time was too
+        /// short.</summary>
+        public bool Wait(uint milliseconds = VRTM_FOREVER)
+        {
+            var status = vrtm_job_wait(job, milliseconds);
+            if (status != VRTM_ERROR_TIMEOUT)
+            {
+                Asset.Check(status);
+            }
+            GC.KeepAlive(this);
+            return status == VRTM_OK;
+        }
+
+        /// <summary>A task that ends with the job, and fails as Wait does. The token cancels the job.</summary>
+        public async Task WaitAsync(CancellationToken cancel = default(CancellationToken))
+        {
+            using (cancel.Register(Cancel))
+            {
+                await Task.Run(() => Wait()).ConfigureAwait(false);
+            }
+        }
+
+        public TaskAwaiter GetAwaiter()
+        {
+            return WaitAsync().GetAwaiter();
+        }
+
+        /// <summary>Cancels it unless it is done, and waits for its end: the asset can then be used.</summary>
+        public void Dispose()
+        {
+            if (Interlocked.Exchange(ref destroyed, 1) == 0)
+            {
+                vrtm_job_destroy(job);
+            }
+            GC.KeepAlive(asset);
+            GC.SuppressFinalize(this);
+        }
+
+        ~Job()
+        {
+            Dispose();
+        }
+    }
+
     /// <summary>One mesh with its maps and results, on a device of its own. One thread at a time may use it.</summary>
     public sealed unsafe class Asset : IDisposable
     {
@@ -49,6 +157,7 @@ namespace Vrtm
 
         private readonly long number = Interlocked.Increment(ref assets);
         private readonly int vertices;
+        private readonly Map[] one = new Map[1];
         private vrtm_device device;
         private vrtm_asset asset;
 
@@ -150,14 +259,37 @@ namespace Vrtm
         /// <summary>Solves for a pose.</summary>
         public void Solve(float[] positions, vrtm_solve_options options)
         {
-            if (positions == null || positions.Length != 3 * vertices)
-            {
-                throw new ArgumentException($"positions: {positions?.Length ?? 0} numbers for {vertices} vertices");
-            }
+            Redirect(positions, options);
+        }
+
+        /// <summary>Solves for a pose and fetches maps, in one call.</summary>
+        public void Redirect(float[] positions, vrtm_solve_options options, params Map[] maps)
+        {
+            CheckPose(positions);
             fixed (float* p = positions)
             {
                 var points = Packed(p, positions.Length, 3, "positions");
-                Check(vrtm_asset_solve(asset, &points, &options));
+                Run(&points, &options, maps);
+            }
+        }
+
+        /// <summary>Fetches maps, all of the same last solve, also while another one is under way.</summary>
+        public void Fetch(params Map[] maps)
+        {
+            Run(null, null, maps);
+        }
+
+        /// <summary>Begins to solve for a pose, and returns at once. Until the job has ended, other calls that solve or
+        /// change the asset fail with VRTM_ERROR_BUSY.</summary>
+        public Job Submit(float[] positions, vrtm_solve_options options)
+        {
+            CheckPose(positions);
+            fixed (float* p = positions)
+            {
+                vrtm_job job;
+                var points = Packed(p, positions.Length, 3, "positions");
+                Check(vrtm_asset_submit(asset, &points, &options, &job));
+                return new Job(this, job);
             }
         }
 
@@ -173,10 +305,10 @@ namespace Vrtm
         public void FetchDelta(uint udim, ushort[] halves, int width, int height)
         {
             CheckSize("halves", halves, 2, width, height);
-            fixed (ushort* data = halves)
-            {
-                Fetch(udim, VRTM_FETCH_REDIRECTION_DELTA, data, VRTM_PIXEL_F16, VRTM_ORIGIN_BOTTOM, width, height);
-            }
+            one[0] = new Map { Udim = udim, Kind = VRTM_FETCH_REDIRECTION_DELTA, Values = halves, Width = width };
+            one[0].Height = height;
+            one[0].FromBottom = true;
+            Fetch(one);
         }
 
         /// <summary>Writes a tile's redirection: the UV at which the texture is to be looked up, first row at
@@ -184,11 +316,35 @@ namespace Vrtm
         public void FetchRedirection(uint udim, float[] uvs, int width, int height)
         {
             CheckSize("uvs", uvs, 2, width, height);
+            one[0] = new Map { Udim = udim, Kind = VRTM_FETCH_REDIRECTION, Values = uvs, Width = width };
+            one[0].Height = height;
+            Fetch(one);
+        }
+
+        /// <summary>Writes the redirected UV of every corner of the mesh, two numbers each, for programs that set UVs
+        /// instead of reading a map. Info.corners is their number.</summary>
+        public void FetchCornerUvs(float[] uvs, uint uvSet = 0)
+        {
+            CheckSize("uvs", uvs, 2, (int)Info.corners, 1);
             fixed (float* data = uvs)
             {
-                Fetch(udim, VRTM_FETCH_REDIRECTION, data, VRTM_PIXEL_F32, VRTM_ORIGIN_TOP, width, height);
+                Check(vrtm_asset_fetch_corner_uvs(asset, uvSet, data, (UIntPtr)(uvs.Length / 2)));
             }
         }
+
+        /// <summary>Sizes of the mesh, such as its corners, and its tiles.</summary>
+        public vrtm_asset_info Info
+        {
+            get
+            {
+                var info = vrtm_asset_info.Init();
+                Check(vrtm_asset_get_info(asset, &info));
+                return info;
+            }
+        }
+
+        /// <summary>The asset for the functions of Vrtm.Api.</summary>
+        public vrtm_asset Handle => asset;
 
         /// <summary>Figures of a tile's last solve.</summary>
         public vrtm_tile_report Report(uint udim)
@@ -236,27 +392,74 @@ namespace Vrtm
             Dispose();
         }
 
-        private void Fetch(uint udim, int kind, void* data, int format, int origin, int width, int height)
-        {
-            var image = vrtm_image_out.Init();
-            image.data = data;
-            image.format = format;
-            image.origin = origin;
-            image.width = (uint)width;
-            image.height = (uint)height;
-            var fetch = vrtm_fetch.Init();
-            fetch.tile = Tile(udim);
-            fetch.kind = kind;
-            fetch.image = &image;
-            Check(vrtm_asset_fetch(&fetch, (UIntPtr)1));
-        }
-
-        private vrtm_tile Tile(uint udim)
+        /// <summary>A tile of the first UV set, for the functions of Vrtm.Api.</summary>
+        public vrtm_tile Tile(uint udim)
         {
             vrtm_tile tile;
             var key = new vrtm_tile_key { udim = udim };
             Check(vrtm_asset_find_tile(asset, &key, &tile));
             return tile;
+        }
+
+        /// <summary>Throws if a call of Vrtm.Api has failed on this thread.</summary>
+        public static void Check(int status)
+        {
+            if (status != VRTM_OK)
+            {
+                throw new VrtmException(status, Utf8(vrtm_last_error()));
+            }
+        }
+
+        /// <summary>Solves for a pose, if there is one, and fetches maps. Allocates nothing.</summary>
+        private void Run(vrtm_array* points, vrtm_solve_options* options, Map[] maps)
+        {
+            var images = stackalloc vrtm_image_out[maps.Length];
+            var fetches = stackalloc vrtm_fetch[maps.Length];
+            var pinned = stackalloc GCHandle[maps.Length];
+            var count = 0;
+            try
+            {
+                foreach (var map in maps)
+                {
+                    CheckSize("Values", map.Values, Map.Channels(map.Kind), map.Width, map.Height);
+                    if (!(map.Values is float[] || map.Values is ushort[]))
+                    {
+                        throw new ArgumentException($"Values: {map.Values.GetType()} is neither float[] nor ushort[]");
+                    }
+                    images[count] = vrtm_image_out.Init();
+                    images[count].format = map.Values is float[] ? VRTM_PIXEL_F32 : VRTM_PIXEL_F16;
+                    images[count].origin = map.FromBottom ? VRTM_ORIGIN_BOTTOM : VRTM_ORIGIN_TOP;
+                    images[count].width = (uint)map.Width;
+                    images[count].height = (uint)map.Height;
+                    fetches[count] = vrtm_fetch.Init();
+                    fetches[count].tile = Tile(map.Udim);
+                    fetches[count].kind = map.Kind;
+                    fetches[count].uv_set = map.UvSet;
+                    fetches[count].image = &images[count];
+                    pinned[count] = GCHandle.Alloc(map.Values, GCHandleType.Pinned);
+                    images[count].data = (void*)pinned[count].AddrOfPinnedObject();
+                    count++;
+                }
+                Check(points == null
+                    ? vrtm_asset_fetch(fetches, (UIntPtr)count)
+                    : vrtm_asset_redirect(asset, points, options, fetches, (UIntPtr)count));
+            }
+            finally
+            {
+                while (count > 0)
+                {
+                    pinned[--count].Free();
+                }
+                GC.KeepAlive(this); // Its finalizer would cancel the solve.
+            }
+        }
+
+        private void CheckPose(float[] positions)
+        {
+            if (positions == null || positions.Length != 3 * vertices)
+            {
+                throw new ArgumentException($"positions: {positions?.Length ?? 0} numbers for {vertices} vertices");
+            }
         }
 
         private static void CheckSize(string name, Array values, int channels, int width, int height)
@@ -278,14 +481,6 @@ namespace Vrtm
             array.data = data;
             array.count = (UIntPtr)(length / components);
             return array;
-        }
-
-        private static void Check(int status)
-        {
-            if (status != VRTM_OK)
-            {
-                throw new VrtmException(status, Utf8(vrtm_last_error()));
-            }
         }
 
         private static void Warn(vrtm_log_entry entry, string message)

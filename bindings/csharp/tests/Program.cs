@@ -1,8 +1,10 @@
 // Tests Vrtm.cs and Asset.cs, and the component for Unity with stand-ins of its classes. Prints a line per test, and
 // the count as cargo does.
 using System;
+using System.IO;
 using System.Reflection;
 using System.Threading;
+using System.Threading.Tasks;
 using UnityEngine;
 using Vrtm;
 using static Vrtm.Api;
@@ -28,9 +30,40 @@ internal static unsafe class Program
         return values;
     }
 
-    private static Asset Made()
+    // Larger by so much that the library warns.
+    private static readonly float[] Far = Array.ConvertAll(Pose, value => 5 * value);
+
+    /// <summary>Holds the first solve that warns in its log, until it is opened.</summary>
+    private sealed class Gate
     {
-        var asset = new Asset(Rest, new uint[] { 4, 4 }, Corners, Uvs, Corners);
+        private readonly ManualResetEvent held = new ManualResetEvent(false), opened = new ManualResetEvent(false);
+
+        public void Log(vrtm_log_entry entry, string message)
+        {
+            if (entry.level == VRTM_LOG_LEVEL_WARNING)
+            {
+                Hold();
+                throw new Exception("it does not reach the library");
+            }
+        }
+
+        public void Hold()
+        {
+            held.Set();
+            opened.WaitOne();
+        }
+
+        public void Open()
+        {
+            opened.Set();
+        }
+
+        public bool IsHeld => held.WaitOne(60000);
+    }
+
+    private static Asset Made(Log log = null)
+    {
+        var asset = new Asset(Rest, new uint[] { 4, 4 }, Corners, Uvs, Corners, log: log);
         asset.SetRigidity(1001, Painted(), Size, Size);
         return asset;
     }
@@ -59,7 +92,7 @@ internal static unsafe class Program
         }
     }
 
-    private static void Fails<T>(string message, Action body) where T : Exception
+    private static void Fails<T>(string message, Action body, int status = 0) where T : Exception
     {
         try
         {
@@ -67,6 +100,7 @@ internal static unsafe class Program
         }
         catch (T error) when (error.Message.Contains(message))
         {
+            That(status == 0 || (error as VrtmException).Status == status, error.ToString());
             return;
         }
         throw new Exception("no error with: " + message);
@@ -116,6 +150,111 @@ internal static unsafe class Program
         var (exponent, mantissa) = (bits >> 10 & 31, bits & 1023);
         var size = exponent == 0 ? mantissa / 16777216.0 : (1 + mantissa / 1024.0) * Math.Pow(2, exponent - 15);
         return (float)(bits >> 15 == 1 ? -size : size);
+    }
+
+    private static float[] Fetched(Asset asset)
+    {
+        var uvs = new float[2 * Size * Size];
+        asset.FetchRedirection(1001, uvs, Size, Size);
+        return uvs;
+    }
+
+    private static void Maps()
+    {
+        using (var asset = Made())
+        {
+            // Of one solve, each with the size that its kind has.
+            var kinds = new[] { VRTM_FETCH_REDIRECTION, VRTM_FETCH_JACOBIAN, VRTM_FETCH_FILTER_SCALE };
+            var maps = Array.ConvertAll(kinds, kind => new Map
+            {
+                Udim = 1001, Kind = kind, Width = Size, Height = Size, Values = new float[Map.Length(kind, Size, Size)],
+            });
+            asset.Redirect(Pose, vrtm_solve_options.Init(), maps);
+            var uvs = Fetched(asset);
+            That(string.Join(" ", uvs) == string.Join(" ", (float[])maps[0].Values), "as one alone");
+            That(Array.Exists((float[])maps[2].Values, factor => factor > 1.01f), "a filter's scale");
+            maps[1].Values = uvs;
+            Fails<ArgumentException>("values for 32 x 32 texels of 4", () => asset.Fetch(maps));
+            maps[1].Values = new int[Map.Length(VRTM_FETCH_JACOBIAN, Size, Size)];
+            Fails<ArgumentException>("neither float[] nor ushort[]", () => asset.Fetch(maps));
+            Fails<ArgumentException>("uvs: 3 values", () => asset.FetchCornerUvs(new float[3]));
+            var corners = new float[2 * asset.Info.corners];
+            asset.FetchCornerUvs(corners);
+            That(corners[2] == .5f, "a corner at the border");
+        }
+    }
+
+    private static void Jobs()
+    {
+        var gate = new Gate();
+        using (var asset = Made((entry, message) => gate.Log(entry, message)))
+        {
+            GC.Collect();
+            var options = vrtm_solve_options.Init();
+            asset.Submit(Pose, options).WaitAsync().Wait();
+            var before = Fetched(asset);
+            var source = new CancellationTokenSource();
+            var job = asset.Submit(Far, options);
+            var task = job.WaitAsync(source.Token);
+            That(gate.IsHeld && !job.Wait(0) && job.Progress.state == VRTM_JOB_RUNNING, "it runs");
+            Fails<VrtmException>("", () => asset.Submit(Rest, options), VRTM_ERROR_BUSY);
+            source.Cancel();
+            gate.Open();
+            Fails<VrtmException>("", () => task.GetAwaiter().GetResult(), VRTM_ERROR_CANCELLED);
+            That(string.Join(" ", before) == string.Join(" ", Fetched(asset)), "the last result stays");
+            // Cancelled and waited for, so that the asset is not busy.
+            gate = new Gate();
+            job = asset.Submit(Far, options);
+            That(gate.IsHeld, "it runs again");
+            var ended = Task.Run(() => job.Dispose());
+            gate.Open();
+            ended.Wait();
+            That(asset.Submit(Pose, options).Wait(), "the last job");
+        }
+    }
+
+    /// <summary>Carriers and refinements, by the generated functions.</summary>
+    private static void Generated()
+    {
+        var errors = Console.Error;
+        using (var asset = Made())
+        {
+            float[] stud = { 1, .5f, 0 }, there = new float[3];
+            fixed (float* from = stud, to = there)
+            {
+                vrtm_array at = vrtm_array.Init();
+                at.data = from;
+                at.count = (UIntPtr)1;
+                var desc = vrtm_carrier_desc.Init();
+                desc.bind = VRTM_BIND_NEAREST;
+                desc.positions = &at;
+                vrtm_carrier carrier;
+                Asset.Check(vrtm_carrier_create(asset.Handle, &desc, &carrier));
+                asset.Solve(Pose);
+                var place = vrtm_array_out.Init();
+                place.data = to;
+                place.count = (UIntPtr)1;
+                var carried = vrtm_carried.Init();
+                carried.positions = &place;
+                Asset.Check(vrtm_carrier_fetch(carrier, &carried));
+                Asset.Check(vrtm_carrier_destroy(carrier));
+                var gone = carrier;
+                Fails<VrtmException>("vrtm_carrier_destroy", () => Asset.Check(vrtm_carrier_destroy(gone)));
+            }
+            That(there[0] > 1.05f && there[0] < 1.35f && there[2] == 0, $"the stud is carried to {there[0]}");
+            vrtm_refinement refinement;
+            Asset.Check(vrtm_refinement_create(asset.Handle, null, &refinement));
+            var info = vrtm_refinement_info.Init();
+            Asset.Check(vrtm_refinement_get_info(refinement, &info));
+            That(info.triangles > 4, $"{info.triangles} triangles");
+            Asset.Check(vrtm_refinement_destroy(refinement));
+            // Without a log, warnings go to the console's errors.
+            var said = new StringWriter();
+            Console.SetError(said);
+            asset.Solve(Far);
+            Console.SetError(errors);
+            That(said.ToString().StartsWith("vrtm: "), "a warning in the console");
+        }
     }
 
     private static void Defaults()
@@ -184,7 +323,7 @@ internal static unsafe class Program
         return component;
     }
 
-    private static Texture2D Map()
+    private static Texture2D Painting()
     {
         return new Texture2D(Size, Size) { pixels = Array.ConvertAll(Painted(), red => new Color32 { r = red }) };
     }
@@ -219,7 +358,7 @@ internal static unsafe class Program
 
     private static void Component()
     {
-        var component = Started(100, Map());
+        var component = Started(100, Painting());
         var expected = Expected(Pose);
         That(Shows(component, new ushort[expected.Length]), "no map yet");
         Frames(component, () => !Shows(component, new ushort[expected.Length]));
@@ -243,23 +382,17 @@ internal static unsafe class Program
 
     private static void Newest()
     {
-        var component = Started(1, Map());
+        var component = Started(1, Painting());
         component.newestPoseWins = true;
-        // Larger by so much that the library warns; the warning holds the solve.
-        var far = Array.ConvertAll(Pose, value => 5 * value);
-        ManualResetEvent held = new ManualResetEvent(false), released = new ManualResetEvent(false);
-        Debug.warned = () =>
-        {
-            held.Set();
-            released.WaitOne();
-        };
-        component.skinned.posed = Points(far);
+        var gate = new Gate();
+        Debug.warned = gate.Hold;
+        component.skinned.posed = Points(Far);
         Call(component, "LateUpdate");
-        That(held.WaitOne(60000) && Debug.warning.StartsWith("vrtm, Sheet: "), "no warning");
+        That(gate.IsHeld && Debug.warning.StartsWith("vrtm, Sheet: "), "no warning");
         component.skinned.posed = Points(Pose);
         Call(component, "LateUpdate");
         Debug.warned = null;
-        released.Set();
+        gate.Open();
         Frames(component, () => !Shows(component, new ushort[2 * Size * Size]));
         That(component.enabled && Shows(component, Expected(Pose)), "the newest pose's map comes first");
         Call(component, "OnDestroy");
@@ -278,6 +411,9 @@ internal static unsafe class Program
     private static int Main()
     {
         Test("a feature keeps its shape", Feature);
+        Test("maps of one solve have their sizes", Maps);
+        Test("jobs are awaited, cancelled and waited for", Jobs);
+        Test("carriers and refinements go with an asset", Generated);
         Test("structs have their sizes and defaults", Defaults);
         Test("errors name the argument and lose nothing", Errors);
         Test("the component for Unity shows the map of its pose", Component);

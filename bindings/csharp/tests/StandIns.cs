@@ -107,7 +107,7 @@ namespace UnityEngine
         public Vector3[] posed;
         public float scale = 1;
 
-        /// <summary>Bakes in the units of the mesh if `useScale`, and else as large as the transform makes it.</summary>
+        /// <summary>Bakes in the units of the mesh if `useScale`, else as large as the transform makes it.</summary>
         public void BakeMesh(Mesh mesh, bool useScale = false)
         {
             mesh.vertices = mesh.vertices ?? new Vector3[posed.Length];
