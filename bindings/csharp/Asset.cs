@@ -280,7 +280,8 @@ namespace Vrtm
         }
 
         /// <summary>Begins to solve for a pose, and returns at once. Until the job has ended, other calls that solve or
-        /// change the asset fail with VRTM_ERROR_BUSY.</summary>
+        /// change the asset fail with VRTM_ERROR_BUSY. With `options.replace` 1 the newest pose wins: a job or a solve
+        /// that is under way is cancelled, and this call waits for its end.</summary>
         public Job Submit(float[] positions, vrtm_solve_options options)
         {
             CheckPose(positions);

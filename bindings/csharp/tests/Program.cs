@@ -1,7 +1,9 @@
 // Tests Vrtm.cs and Asset.cs, and the component for Unity with stand-ins of its classes. Prints a line per test, and
 // the count as cargo does.
 using System;
+using System.Collections.Generic;
 using System.IO;
+using System.Linq;
 using System.Reflection;
 using System.Threading;
 using System.Threading.Tasks;
@@ -33,14 +35,14 @@ internal static unsafe class Program
     // Larger by so much that the library warns.
     private static readonly float[] Far = Array.ConvertAll(Pose, value => 5 * value);
 
-    /// <summary>Holds the first solve that warns in its log, until it is opened.</summary>
+    /// <summary>Holds a solve in its log, while it prepares a grid, until it is opened.</summary>
     private sealed class Gate
     {
         private readonly ManualResetEvent held = new ManualResetEvent(false), opened = new ManualResetEvent(false);
 
         public void Log(vrtm_log_entry entry, string message)
         {
-            if (entry.level == VRTM_LOG_LEVEL_WARNING)
+            if (entry.code == VRTM_LOG_CODE_GRID)
             {
                 Hold();
                 throw new Exception("it does not reach the library");
@@ -184,17 +186,27 @@ internal static unsafe class Program
         }
     }
 
+    /// <summary>A gate for the next solve, which has to prepare another grid.</summary>
+    private static Gate Closed(Asset asset, uint cells)
+    {
+        var settings = asset.GetSettings(1001);
+        settings.grid_width = settings.grid_height = cells;
+        asset.SetSettings(1001, settings);
+        return new Gate();
+    }
+
     private static void Jobs()
     {
-        var gate = new Gate();
-        using (var asset = Made((entry, message) => gate.Log(entry, message)))
+        Gate gate = null;
+        using (var asset = Made((entry, message) => gate?.Log(entry, message)))
         {
             GC.Collect();
             var options = vrtm_solve_options.Init();
             asset.Submit(Pose, options).WaitAsync().Wait();
             var before = Fetched(asset);
             var source = new CancellationTokenSource();
-            var job = asset.Submit(Far, options);
+            gate = Closed(asset, 64);
+            var job = asset.Submit(Pose, options);
             var task = job.WaitAsync(source.Token);
             That(gate.IsHeld && !job.Wait(0) && job.Progress.state == VRTM_JOB_RUNNING, "it runs");
             Fails<VrtmException>("", () => asset.Submit(Rest, options), VRTM_ERROR_BUSY);
@@ -203,13 +215,24 @@ internal static unsafe class Program
             Fails<VrtmException>("", () => task.GetAwaiter().GetResult(), VRTM_ERROR_CANCELLED);
             That(string.Join(" ", before) == string.Join(" ", Fetched(asset)), "the last result stays");
             // Cancelled and waited for, so that the asset is not busy.
-            gate = new Gate();
-            job = asset.Submit(Far, options);
+            gate = Closed(asset, 128);
+            job = asset.Submit(Pose, options);
             That(gate.IsHeld, "it runs again");
             var ended = Task.Run(() => job.Dispose());
             gate.Open();
             ended.Wait();
-            That(asset.Submit(Pose, options).Wait(), "the last job");
+            // The newest pose wins.
+            options.replace = 1;
+            var jobs = new List<Job>();
+            for (var k = 0; k < 20; k++)
+            {
+                jobs.Add(asset.Submit(k % 2 == 0 ? Rest : Pose, options));
+            }
+            That(jobs[19].Wait(), "the last job");
+            That(jobs.TrueForAll(one => one.Progress.state == VRTM_JOB_DONE), "no job runs on");
+            var newest = Fetched(asset);
+            asset.Solve(Pose);
+            That(string.Join(" ", newest) == string.Join(" ", Fetched(asset)), "the newest pose's map");
         }
     }
 
@@ -308,12 +331,13 @@ internal static unsafe class Program
     private static readonly int[] Triangles = { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 };
 
     /// <summary>A component that has started, beside a renderer whose transform has a scale.</summary>
-    private static VrtmSkin Started(float scale, Texture2D rigidity)
+    private static VrtmSkin Started(float scale, Texture2D rigidity, float[] uvs = null)
     {
-        var uv = new Vector2[Uvs.Length / 2];
+        uvs = uvs ?? Uvs;
+        var uv = new Vector2[uvs.Length / 2];
         for (var k = 0; k < uv.Length; k++)
         {
-            uv[k] = new Vector2 { x = Uvs[2 * k], y = Uvs[2 * k + 1] };
+            uv[k] = new Vector2 { x = uvs[2 * k], y = uvs[2 * k + 1] };
         }
         var mesh = new Mesh { vertices = Points(Rest), uv = uv, triangles = Triangles };
         var skinned = new SkinnedMeshRenderer { sharedMesh = mesh, posed = Points(Pose), scale = scale };
@@ -328,13 +352,15 @@ internal static unsafe class Program
         return new Texture2D(Size, Size) { pixels = Array.ConvertAll(Painted(), red => new Color32 { r = red }) };
     }
 
-    private static ushort[] Expected(float[] pose)
+    private static ushort[] Expected(float[] pose, int scale = VRTM_SCALE_KEEP, float[] uvs = null)
     {
+        var options = vrtm_solve_options.Init();
+        options.scale = scale;
         var corners = Array.ConvertAll(Triangles, corner => (uint)corner);
-        using (var asset = new Asset(Rest, null, corners, Uvs, corners, weldByPosition: true))
+        using (var asset = new Asset(Rest, null, corners, uvs ?? Uvs, corners, weldByPosition: true))
         {
             asset.SetRigidity(1001, Painted(), Size, Size);
-            asset.Solve(pose);
+            asset.Solve(pose, options);
             var delta = new ushort[2 * Size * Size];
             asset.FetchDelta(1001, delta, Size, Size);
             return delta;
@@ -353,7 +379,7 @@ internal static unsafe class Program
 
     private static bool Shows(VrtmSkin component, ushort[] map)
     {
-        return string.Join(" ", component.skinned.material.texture.shown) == string.Join(" ", map);
+        return component.skinned.material.texture.shown.SequenceEqual(map);
     }
 
     private static void Component()
@@ -364,6 +390,13 @@ internal static unsafe class Program
         Frames(component, () => !Shows(component, new ushort[expected.Length]));
         That(component.enabled, Debug.error);
         That(Shows(component, expected), "the component's map");
+        // Another pose of a larger body, whose features follow it.
+        var larger = Array.ConvertAll(Pose, value => 1.5f * (value == 1.3f ? 1.2f : value));
+        component.skinned.posed = Points(larger);
+        component.scale = VrtmSkin.Sizes.Follow;
+        Frames(component, () => !Shows(component, expected));
+        That(Shows(component, Expected(larger, VRTM_SCALE_FOLLOW)), "the map of a pose that is followed");
+        That(!Shows(component, Expected(larger)), "and of one that is not");
         // Further frames allocate nothing.
         var frame = (Action)Delegate.CreateDelegate(typeof(Action), component, "LateUpdate");
         var before = GC.GetAllocatedBytesForCurrentThread();
@@ -382,9 +415,12 @@ internal static unsafe class Program
 
     private static void Newest()
     {
-        var component = Started(1, Painting());
-        component.newestPoseWins = true;
+        // One half lies over the other: the library warns, which holds the solve.
+        var uvs = new[] { 0, 0, .5f, 0, .46f, 0, 0, 1, .5f, 1, .46f, 1 };
         var gate = new Gate();
+        Debug.warned = null;
+        var component = Started(1, Painting(), uvs);
+        component.newestPoseWins = true;
         Debug.warned = gate.Hold;
         component.skinned.posed = Points(Far);
         Call(component, "LateUpdate");
@@ -394,7 +430,7 @@ internal static unsafe class Program
         Debug.warned = null;
         gate.Open();
         Frames(component, () => !Shows(component, new ushort[2 * Size * Size]));
-        That(component.enabled && Shows(component, Expected(Pose)), "the newest pose's map comes first");
+        That(component.enabled && Shows(component, Expected(Pose, uvs: uvs)), "the newest pose's map comes first");
         Call(component, "OnDestroy");
     }
 

@@ -19,12 +19,21 @@ public sealed class VrtmSkin : MonoBehaviour
     public int size = 512;
     [Tooltip("The quick quality.")]
     public bool draft = true;
+    [Tooltip("Keep: studs and scales stay as large as they are at rest, for a body that swells. Follow: they grow " +
+        "and shrink with the body, for a character under a scale control.")]
+    public Sizes scale;
     [Tooltip("For posing by hand: a new pose ends the solve of the one before. Turn it off for an animation, where " +
         "solves that take longer than a frame would never come to their end.")]
     public bool newestPoseWins;
     [Tooltip("Shows the mesh in the pose that was solved last, so that paint does not swim. Put it on a child of " +
         "this object that is neither moved nor scaled.")]
     public MeshFilter shown;
+
+    public enum Sizes
+    {
+        Keep = VRTM_SCALE_KEEP,
+        Follow = VRTM_SCALE_FOLLOW,
+    }
 
     private const uint Tile = 1001;
     private readonly AutoResetEvent posed = new AutoResetEvent(false);
@@ -34,6 +43,7 @@ public sealed class VrtmSkin : MonoBehaviour
     private Mesh pose, last, next;
     private Texture2D delta;
     private float[] positions;
+    private vrtm_solve_options options;
     private ushort[] halves;
     private Thread worker;
     private Exception failure;
@@ -128,6 +138,9 @@ public sealed class VrtmSkin : MonoBehaviour
             return;
         }
         Flatten();
+        options = vrtm_solve_options.Init();
+        options.quality = draft ? VRTM_QUALITY_DRAFT : VRTM_QUALITY_NORMAL;
+        options.scale = (int)scale;
         solving = true;
         posed.Set();
     }
@@ -140,7 +153,7 @@ public sealed class VrtmSkin : MonoBehaviour
             try
             {
                 solved = false;
-                asset.Solve(positions, draft);
+                asset.Solve(positions, options);
                 asset.FetchDelta(Tile, halves, size, size);
                 solved = true;
             }
