@@ -35,7 +35,7 @@ fn all_ways(sheet: &Sheet, asset: &vrtm::Asset, fit: Fit) -> Vec<(&'static str, 
         on_sheet.iter().enumerate().map(|(k, p)| [p[0] + 0.01, p[1], p[2] + 0.002 * k as f64]).collect();
     let frames = vec![[0.6f32, 0.0, 0.0, 0.8]; points.len()];
     let frames =
-        Some(Strided::new("frames", as_bytes(&frames), vrtm::Scalar::F32, 4, points.len(), 0).unwrap());
+        Some(Strided::new("frames", bytes_of(&frames), vrtm::Scalar::F32, 4, points.len(), 0).unwrap());
     let by = Bind::Nearest { positions: Strided::from_slice(&off), farthest: None };
     ways.push((
         "nearest",
