@@ -104,7 +104,7 @@ impl Stretch {
             }
             let message = format!(
                 "pose: all of its edges are {median:.3} times as long as at rest, and rigid features keep their size: \
-                 does the option scale = follow let them grow with it, or is it in other units?"
+                 if they are to grow with it, or it is in other units, set the option scale to follow"
             );
             (LogCode::PoseScale, median, message)
         } else if keeps && !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {

@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use vrtm::{
-    Asset, Control, Device, ErrorKind, FetchKind, OpenBorders, Overlap, Quality, Seams, SolveOptions,
+    Asset, Control, Device, ErrorKind, FetchKind, OpenBorders, Overlap, Quality, Scale, Seams, SolveOptions,
     SolveRequest, Strided, TileSettings, Weld, WeldBy,
 };
 use vrtm_testkit::random::Random;
@@ -261,6 +261,7 @@ fn history(model: &Model, seed: u64, steps: usize) -> Counts {
         let pose = if random.chance(60) { poses[0].unwrap_or(1) } else { random.below(model.frames.len()) };
         let options = SolveOptions {
             measure: random.chance(10),
+            scale: random.one(&[Scale::Keep, Scale::Keep, Scale::Follow]),
             ..options(if random.chance(90) { Quality::Normal } else { Quality::Draft })
         };
         let some = [random.below(TILES)];
@@ -294,7 +295,7 @@ fn history(model: &Model, seed: u64, steps: usize) -> Counts {
             }
         }
         asset.run(&request, &mut []).unwrap();
-        past.push(format!("solved {pose}, {tiles:?}, {:?}, dirty: {}", options.quality, dirty.is_some()));
+        past.push(format!("solved {pose}, {tiles:?}, {options:?}, dirty: {}", dirty.is_some()));
         let mut fresh = given.fresh(model, &device);
         fresh.run(&SolveRequest { dirty_vertices: None, ..request }, &mut []).unwrap();
         for tile in (0..TILES).filter(|&tile| asked(tile)) {

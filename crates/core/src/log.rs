@@ -59,8 +59,8 @@ pub enum LogCode {
     /// No tile has a rigidity, so that nothing moves.
     NoRigidity,
     /// A pose is only scaled, with [`crate::settings::Scale::Keep`], or its edges are much longer or shorter than at
-    /// rest, as if it were in other units. Values: the median of their lengths, as multiples of those at rest. Told once
-    /// for scaled poses that follow one another.
+    /// rest, as if it were in other units. Values: the median of their lengths, as multiples of those at rest. Told
+    /// once for scaled poses that follow one another.
     PoseScale,
     /// Many edges of a pose are much longer than at rest, as if its vertices were in another order. Values: the share
     /// of edges over 3 times as long.

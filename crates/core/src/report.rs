@@ -387,15 +387,15 @@ pub struct AssetReport {
     /// without time. Their charts count as reused.
     pub tiles_kept: u32,
     /// Median ratio of posed length to rest length, over a few thousand edges, which
-    /// [`crate::settings::Scale::Follow`] multiplies the rest lengths by. Without that, the log warns if it is over 3 or
-    /// under 1/3: the pose probably has other units, or its vertices are in another order.
+    /// [`crate::settings::Scale::Follow`] multiplies the rest lengths by. Without that, the log warns if it is over 3
+    /// or under 1/3: the pose probably has other units, or its vertices are in another order.
     pub scale: f32,
     /// Share (0..1) of these edges that are more than 3 times as long as at rest (with
     /// [`crate::settings::Scale::Follow`]: times `scale`). If it is over 0.05, the log warns: the pose's vertices are
     /// probably in another order than the mesh's.
     pub stretched_share: f32,
-    /// Spread of these ratios: 95 % of them are within this fraction of `scale` from it. Under 0.001 all edges share one
-    /// factor, and the pose is the mesh at another size, moved or bent.
+    /// Spread of these ratios: 95 % of them are within this fraction of `scale` from it. Under 0.001 all edges share
+    /// one factor, and the pose is the mesh at another size, moved or bent.
     pub scale_spread: f32,
 }
 
