@@ -28,8 +28,11 @@
 #include <UT/UT_ParallelUtil.h>
 
 #include <exception>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -46,17 +49,6 @@ struct HoudiniThreads {
         });
     }
 };
-
-/* One for all nodes: made by the first cook, and ended when Houdini unloads the library. */
-const vrtm::Device &device()
-{
-    static const vrtm::Device device = [] {
-        vrtm::DeviceDesc desc;
-        desc.set(vrtm::Backend::cpu).set_executor(std::shared_ptr<HoudiniThreads>(new HoudiniThreads));
-        return vrtm::Device::create(desc).value();
-    }();
-    return device;
-}
 
 std::vector<UT_Vector3> positions_of(const GU_Detail *geometry)
 {
@@ -159,11 +151,17 @@ protected:
     OP_ERROR cookMySop(OP_Context &context) override;
 
 private:
+    void make_device();
+    void forget_warnings(vrtm_log_code first);
     void update(const GU_Detail *rest_geometry);
     void update_rigidity(const GU_Detail *rest_geometry);
     void warp(int cells, vrtm::Quality quality, UT_AutoInterrupt &interrupt);
 
+    /* Warnings of the log by code and tile, and their lock: any thread may tell one. Each cook shows them again. */
+    std::map<std::pair<vrtm_log_code, std::uint32_t>, std::string> warnings_;
+    std::mutex mutex_;
     /* What the node keeps from cook to cook. A node is not cooked twice at the same time. */
+    vrtm::Device device_;
     vrtm::Asset asset_;
     Rest rest_;
     DataIds ids_;
@@ -193,6 +191,8 @@ OP_ERROR SOP_VrtmWarp::cookMySop(OP_Context &context)
     const fpreal time = context.getTime();
     UT_AutoInterrupt interrupt("Keeping features rigid");
     try {
+        make_device();
+        forget_warnings(VRTM_LOG_CODE_POSE_SCALE);
         update(rest_geometry);
         update_rigidity(rest_geometry);
         warp(int(evalInt("grid", 0, time)), vrtm::Quality(evalInt("quality", 0, time)), interrupt);
@@ -204,7 +204,33 @@ OP_ERROR SOP_VrtmWarp::cookMySop(OP_Context &context)
     } catch (const std::exception &failed) {
         addError(SOP_MESSAGE, failed.what());
     }
+    for (const auto &warning : warnings_) {
+        addWarning(SOP_MESSAGE, warning.second.c_str());
+    }
     return error();
+}
+
+/* Each node has its own, since a log belongs to a device. */
+void SOP_VrtmWarp::make_device()
+{
+    if (device_) {
+        return;
+    }
+    vrtm::DeviceDesc desc;
+    desc.set(vrtm::Backend::cpu).set_executor(std::shared_ptr<HoudiniThreads>(new HoudiniThreads));
+    desc.set_log([this](const vrtm_log_entry &entry) {
+        if (entry.level == VRTM_LOG_LEVEL_WARNING) {
+            const std::lock_guard<std::mutex> lock(mutex_);
+            warnings_[{entry.code, entry.udim}] = entry.message;
+        }
+    });
+    device_ = vrtm::Device::create(desc).value();
+}
+
+/* Codes are numbered in the order mesh, maps, grid, pose: a new map leaves the warnings of the mesh. */
+void SOP_VrtmWarp::forget_warnings(vrtm_log_code first)
+{
+    warnings_.erase(warnings_.lower_bound({first, 0}), warnings_.end());
 }
 
 /* Makes another asset if the rest geometry is another one, which is looked at only if its numbers are. */
@@ -217,11 +243,12 @@ void SOP_VrtmWarp::update(const GU_Detail *rest_geometry)
     Rest rest(rest_geometry);
     if (!asset_ || !(rest == rest_)) {
         asset_.reset();
+        forget_warnings(0);
         rigidity_.clear();
         rigidity_id_ = GA_INVALID_DATAID;
         vrtm::Mesh mesh(vrtm::Array::of<float>(rest.positions), rest.points);
         mesh.face_counts(rest.counts).uvs(vrtm::Array::of<float>(rest.uvs)).max_layers(32);
-        asset_ = vrtm::Asset::create(device(), mesh).value();
+        asset_ = vrtm::Asset::create(device_, mesh).value();
         rest_ = std::move(rest);
     }
     ids_ = ids;
@@ -246,6 +273,7 @@ void SOP_VrtmWarp::update_rigidity(const GU_Detail *rest_geometry)
         rigidity.push_back(rigid.isValid() ? rigid.get(point) : 0.0f);
     }
     if (rigidity != rigidity_) {
+        forget_warnings(VRTM_LOG_CODE_RIGIDITY_RANGE);
         asset_.set_vertex_rigidity(vrtm::Array::of<1>(rigidity)).value();
         rigidity_ = std::move(rigidity);
     }

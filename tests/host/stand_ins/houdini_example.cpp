@@ -115,6 +115,13 @@ int main()
     paint(rest, 3);
     node.check(node.cook(posed, rest) && node.uvs() == first && assets_made == 1, "the paint of before, its result");
 
+    GU_Detail far = posed;
+    for (UT_Vector3 &point : far.stand_in_positions.stand_in) {
+        point = UT_Vector3(9 * point(0), 9 * point(1), 9 * point(2));
+    }
+    node.check(node.cook(far, rest) && !node.stand_in_warning.empty(), "the library's warnings reach the user");
+    node.check(node.cook(posed, rest) && node.stand_in_warning.empty(), "until the pose is another");
+
     GU_Detail broken = posed;
     broken.stand_in_positions.stand_in[1] = UT_Vector3(std::numeric_limits<float>::quiet_NaN(), 0, 0);
     node.check(!node.cook(broken, rest), "a NaN fails");

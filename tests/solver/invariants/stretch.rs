@@ -25,13 +25,13 @@ fn follows(device: &Device, cells: u32) {
     // Of a new asset: the warp, its strain, and a point above the surface.
     let solved = |pose: &[[f32; 3]], options: &SolveOptions| {
         let mut asset = model.asset_on(device, cells);
-        let weights = Strided::from_f32x3(&[[1.0f32, 2.0, 1.0]]);
+        let weights = Strided::from_slice(&[[1.0f32, 2.0, 1.0]]);
         let by = Bind::Corners { corners: &[[0, 1, 2]], weights };
-        let heights = Some(Strided::from_f32(&[0.25]));
+        let heights = Some(Strided::from_slice(&[0.25]));
         let carrier = asset.carrier(&CarrierSettings { heights, ..CarrierSettings::new(by) }).unwrap();
-        asset.solve(Strided::from_f32x3(pose), options).unwrap();
+        asset.solve(Strided::from_slice(pose), options).unwrap();
         let mut point = [[0.0f64; 3]];
-        let positions = Some(StridedMut::from_f64(&mut point));
+        let positions = Some(StridedMut::from_slice(&mut point));
         carrier.fetch(&Carried { positions, ..Carried::default() }).unwrap();
         let farthest =
             (0..2).map(|tile| asset.tile_report(tile).unwrap().max_displacement).fold(0.0, f32::max);
@@ -79,7 +79,7 @@ fn tiles_without_a_moved_vertex_follow_the_size() {
     let moved: Vec<u32> = (0..pose.len() as u32).filter(|v| !own.contains(v)).collect();
     assert!(asset.find_tile(1001) == Some(0) && !moved.is_empty());
     moved.iter().for_each(|&v| pose[v as usize] = pose[v as usize].map(|x| 2.0 * x));
-    let positions = Strided::from_f32x3(&pose);
+    let positions = Strided::from_slice(&pose);
     let mut fresh = model.asset(1, 32);
     fresh.solve(positions, &options).unwrap();
     for _ in 0..2 {
@@ -123,7 +123,7 @@ fn other_units_and_other_orders_are_noticed() {
             counts.push(said.len());
         }
         let options = SolveOptions { scale: Scale::Follow, ..options(Quality::Draft) };
-        asset.solve(Strided::from_f32x3(&scaled), &options).unwrap();
+        asset.solve(Strided::from_slice(&scaled), &options).unwrap();
         assert_eq!(log.warnings(), []);
     }
     assert_eq!(counts, [1, 1, 1, 1, 1, 0, 1, 0, 1, 0]);
