@@ -58,16 +58,12 @@ namespace Vrtm
         public uint UvSet;
 
         /// <summary>Numbers for each texel.</summary>
-        public static int Channels(int kind)
-        {
-            return kind == VRTM_FETCH_JACOBIAN ? 4 : kind == VRTM_FETCH_FILTER_SCALE ? 1 : 2;
-        }
+        public static int Channels(int kind) =>
+            kind == VRTM_FETCH_JACOBIAN ? 4 : kind == VRTM_FETCH_FILTER_SCALE ? 1 : 2;
 
         /// <summary>Numbers of a map: the size of its array.</summary>
-        public static long Length(int kind, int width, int height)
-        {
-            return (long)Channels(kind) * width * height;
-        }
+        public static long Length(int kind, int width, int height) =>
+            (long)Channels(kind) * width * height;
     }
 
     /// <summary>One solve that runs beside the program's own work. Any thread may use it. `await job` waits for its
@@ -97,10 +93,7 @@ namespace Vrtm
 
         /// <summary>Cancels it and returns at once: it ends soon after with VRTM_ERROR_CANCELLED, unless it already has
         /// its result.</summary>
-        public void Cancel()
-        {
-            Asset.Check(vrtm_job_cancel(job));
-        }
+        public void Cancel() => Asset.Check(vrtm_job_cancel(job));
 
         /// <summary>Waits for its end, and throws what the solve would have thrown. False: the time was too
         /// short.</summary>
@@ -124,10 +117,7 @@ namespace Vrtm
             }
         }
 
-        public TaskAwaiter GetAwaiter()
-        {
-            return WaitAsync().GetAwaiter();
-        }
+        public TaskAwaiter GetAwaiter() => WaitAsync().GetAwaiter();
 
         /// <summary>Cancels it unless it is done, and waits for its end: the asset can then be used.</summary>
         public void Dispose()
@@ -241,10 +231,8 @@ namespace Vrtm
             return settings;
         }
 
-        public void SetSettings(uint udim, vrtm_tile_settings settings)
-        {
+        public void SetSettings(uint udim, vrtm_tile_settings settings) =>
             Check(vrtm_tile_set_settings(Tile(udim), &settings));
-        }
 
         /// <summary>Solves for a pose.</summary>
         /// <param name="positions">Three numbers per vertex.</param>
@@ -257,10 +245,8 @@ namespace Vrtm
         }
 
         /// <summary>Solves for a pose.</summary>
-        public void Solve(float[] positions, vrtm_solve_options options)
-        {
+        public void Solve(float[] positions, vrtm_solve_options options) =>
             Redirect(positions, options);
-        }
 
         /// <summary>Solves for a pose and fetches maps, in one call.</summary>
         public void Redirect(float[] positions, vrtm_solve_options options, params Map[] maps)
@@ -274,10 +260,7 @@ namespace Vrtm
         }
 
         /// <summary>Fetches maps, all of the same last solve, also while another one is under way.</summary>
-        public void Fetch(params Map[] maps)
-        {
-            Run(null, null, maps);
-        }
+        public void Fetch(params Map[] maps) => Run(null, null, maps);
 
         /// <summary>Begins to solve for a pose, and returns at once. Until the job has ended, other calls that solve or
         /// change the asset fail with VRTM_ERROR_BUSY. With `options.replace` 1 the newest pose wins: a job or a solve
@@ -296,10 +279,7 @@ namespace Vrtm
 
         /// <summary>Cancels the solve or the job that is under way, from any thread: it soon fails with
         /// VRTM_ERROR_CANCELLED, and the last good result stays. Returns at once.</summary>
-        public void Cancel()
-        {
-            Check(vrtm_asset_cancel(asset));
-        }
+        public void Cancel() => Check(vrtm_asset_cancel(asset));
 
         /// <summary>Writes a tile's redirection minus the texel's own UV, the bits of two half floats per texel, first
         /// row at v = 0 as Unity's and OpenGL's textures have it: a texture of 16-bit floats.</summary>

@@ -55,10 +55,7 @@ internal static unsafe class Program
             opened.WaitOne();
         }
 
-        public void Open()
-        {
-            opened.Set();
-        }
+        public void Open() => opened.Set();
 
         public bool IsHeld => held.WaitOne(60000);
     }
@@ -313,10 +310,8 @@ internal static unsafe class Program
         }
     }
 
-    private static void Call(object component, string name)
-    {
+    private static void Call(object component, string name) =>
         component.GetType().GetMethod(name, BindingFlags.Instance | BindingFlags.NonPublic).Invoke(component, null);
-    }
 
     private static Vector3[] Points(float[] flat)
     {
@@ -377,10 +372,8 @@ internal static unsafe class Program
         }
     }
 
-    private static bool Shows(VrtmSkin component, ushort[] map)
-    {
-        return component.skinned.material.texture.shown.SequenceEqual(map);
-    }
+    private static bool Shows(VrtmSkin component, ushort[] map) =>
+        component.skinned.material.texture.shown.SequenceEqual(map);
 
     private static void Component()
     {

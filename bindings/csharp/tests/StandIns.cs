@@ -70,20 +70,15 @@ namespace UnityEngine
     {
         public Texture2D texture;
 
-        public void SetTexture(string name, Texture2D value)
-        {
+        public void SetTexture(string name, Texture2D value) =>
             texture = name == "_VrtmDelta" ? value : null;
-        }
     }
 
     public class Component : Object
     {
         public SkinnedMeshRenderer skinned;
 
-        public T GetComponent<T>() where T : Component
-        {
-            return (T)(Component)skinned;
-        }
+        public T GetComponent<T>() where T : Component => (T)(Component)skinned;
     }
 
     public class MonoBehaviour : Component
@@ -153,10 +148,7 @@ namespace UnityEngine
         {
         }
 
-        public Color32[] GetPixels32()
-        {
-            return pixels;
-        }
+        public Color32[] GetPixels32() => pixels;
 
         public void SetPixelData(ushort[] data, int level)
         {
@@ -177,10 +169,7 @@ namespace UnityEngine
         public static volatile string warning;
         public static Action warned;
 
-        public static void LogError(string message, Object context)
-        {
-            error = message;
-        }
+        public static void LogError(string message, Object context) => error = message;
 
         public static void LogWarning(string message)
         {
