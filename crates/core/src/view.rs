@@ -141,7 +141,14 @@ impl<'a> Strided<'a> {
     #[must_use]
     pub fn from_slice<T: Element>(values: &'a [T]) -> Strided<'a> {
         let (bytes, stride) = (as_bytes(values), size_of::<T>());
-        Strided { bytes, scalar: T::SCALAR, components: T::COMPONENTS, count: values.len(), stride, factor: 1.0 }
+        Strided {
+            bytes,
+            scalar: T::SCALAR,
+            components: T::COMPONENTS,
+            count: values.len(),
+            stride,
+            factor: 1.0,
+        }
     }
 
     /// The same elements, which [`Strided::get3`] multiplies by a finite factor.

@@ -34,8 +34,8 @@ fn follows(device: &Device, cells: u32) {
         let positions = Some(StridedMut::from_slice(&mut point));
         carrier.fetch(&Carried { positions, ..Carried::default() }).unwrap();
         let farthest =
-            (0..2).map(|tile| asset.tile_report(tile).unwrap().max_displacement).fold(0.0, f32::max);
-        let strain = asset.tile_report(0).unwrap().strain.unwrap().after.rms;
+            (0..2).map(|tile| asset.tile(tile).report().unwrap().max_displacement).fold(0.0, f32::max);
+        let strain = asset.tile(0).report().unwrap().strain.unwrap().after.rms;
         (bits(&asset), strain, farthest, point[0])
     };
     let pose = &model.frames[1];
@@ -88,7 +88,7 @@ fn tiles_without_a_moved_vertex_follow_the_size() {
         asset.run(&request, &mut []).unwrap();
         assert!(bits(&asset) == bits(&fresh));
     }
-    assert!(asset.tile_report(0).unwrap().kept, "nothing has changed since");
+    assert!(asset.tile(0).report().unwrap().kept, "nothing has changed since");
 }
 
 #[test]
