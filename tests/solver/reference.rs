@@ -5,7 +5,7 @@ use vrtm_core::grid::coverage::node_maps;
 use vrtm_core::grid::maps::TileMaps;
 use vrtm_core::mesh::{Mesh, MeshSource, UvSource};
 use vrtm_core::settings::TileSettings;
-use vrtm_core::view::{Scalar, Strided};
+use vrtm_core::view::Strided;
 use vrtm_testkit::random::Random;
 use vrtm_testkit::reference::energy::Shape;
 use vrtm_testkit::reference::minimise::Options;
@@ -25,9 +25,7 @@ fn two_sheets() -> Mesh {
             indices.extend([a, a + 1, a + 10, a, a + 10, a + 9]);
         }
     }
-    let bytes: Vec<u8> = uvs.iter().flat_map(|x| x.to_ne_bytes()).collect();
-    let uv = Strided::new("uv", &bytes, Scalar::F32, 2, uvs.len() / 2, 0).unwrap();
-    let uvs = UvSource { u: uv, v: None, indices: Some(&indices) };
+    let uvs = UvSource { u: Strided::from_slice(uvs.as_chunks::<2>().0), v: None, indices: Some(&indices) };
     let positions = Strided::from_slice(&positions);
     Mesh::new(&MeshSource { positions, indices: &indices, uvs, ..MeshSource::default() }).unwrap()
 }

@@ -1,7 +1,7 @@
 //! Wrong arguments, and the order of calls.
 
 use super::sheet::{Layout, Sheet, by_uv, disc, fetch, lattice, solve};
-use super::{bulge, bytes_of, uvs, warped};
+use super::{bulge, uvs, warped};
 use vrtm::{
     Asset, Backend, Bind, Carried, CarrierSettings, Device, DeviceSettings, ErrorKind, Fetch, FetchKind, Fit,
     ImageLayout, ImageViewMut, PixelFormat, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
@@ -55,9 +55,11 @@ fn wrong_arguments_are_named() {
         (&[1.0, 2.0, 3.0, 2.0, 4.0, 6.0, 0.0, 0.0, 1.0], false),
         (&[1e-30, 0.0, 0.0, 0.0, 1e30, 0.0, 0.0, 0.0, -1.0], true),
     ] {
-        let (whole, n) =
-            ([&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0][..frame.len()], frame].concat(), frame.len());
-        let frames = Some(Strided::new("frames", bytes_of::<f64>(&whole), Scalar::F64, n, 2, 0).unwrap());
+        let whole = [&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0][..frame.len()], frame].concat();
+        let (quaternions, matrices) = (whole.as_chunks::<4>().0, whole.as_chunks::<9>().0);
+        let is_matrix = frame.len() == 9;
+        let frames =
+            Some(if is_matrix { Strided::from_slice(matrices) } else { Strided::from_slice(quaternions) });
         let settings = CarrierSettings { frames, ..of(&[[0.5, 0.5]; 2]) };
         if is_good {
             asset.carrier(&settings).unwrap();
@@ -66,8 +68,7 @@ fn wrong_arguments_are_named() {
         }
     }
     // What is kept as f32 must be within its range.
-    let (far, at) =
-        ([[1e39, 0.0, 0.0]], Strided::new("heights", bytes_of(&[1e39]), Scalar::F64, 1, 1, 0).unwrap());
+    let (far, at) = ([[1e39, 0.0, 0.0]], Strided::from_slice(&[1e39]));
     refused(&CarrierSettings { heights: Some(at), ..good }, "heights[0]: component 0 is 1");
     let far = Bind::Nearest { positions: Strided::from_slice(&far), farthest: None };
     refused(&CarrierSettings::new(far), "which is beyond f32");
@@ -83,7 +84,7 @@ fn weights_count_by_their_ratio_and_mirrored_frames_stay_mirrored() {
     let mirrors =
         [[0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]];
     let frames: Vec<[f64; 9]> = (0..5).map(|k| mirrors[k % 2]).collect();
-    let frames = Some(Strided::new("frames", bytes_of(&frames), Scalar::F64, 9, 5, 0).unwrap());
+    let frames = Some(Strided::from_slice(&frames));
     let settings = CarrierSettings { frames, ..CarrierSettings::new(by(Strided::from_slice(&weights))) };
     let carrier = asset.carrier(&settings).unwrap();
     solve(&mut asset, &sheet.rest);

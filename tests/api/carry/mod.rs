@@ -34,8 +34,7 @@ fn all_ways(sheet: &Sheet, asset: &vrtm::Asset, fit: Fit) -> Vec<(&'static str, 
     let off: Vec<P3> =
         on_sheet.iter().enumerate().map(|(k, p)| [p[0] + 0.01, p[1], p[2] + 0.002 * k as f64]).collect();
     let frames = vec![[0.6f32, 0.0, 0.0, 0.8]; points.len()];
-    let frames =
-        Some(Strided::new("frames", bytes_of(&frames), vrtm::Scalar::F32, 4, points.len(), 0).unwrap());
+    let frames = Some(Strided::from_slice(&frames));
     let by = Bind::Nearest { positions: Strided::from_slice(&off), farthest: None };
     ways.push((
         "nearest",
@@ -56,12 +55,6 @@ fn all_ways(sheet: &Sheet, asset: &vrtm::Asset, fit: Fit) -> Vec<(&'static str, 
         .zip([on_sheet, off, by_corners])
         .map(|((name, carrier), rest)| (name, carrier, rest))
         .collect()
-}
-
-/// The bytes of arrays of numbers.
-fn bytes_of<T: Copy>(values: &[T]) -> &[u8] {
-    // SAFETY: plain numbers without padding.
-    unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), std::mem::size_of_val(values)) }
 }
 
 #[test]
@@ -426,10 +419,7 @@ fn nearly_collinear_bodies_follow_rigid_motions() {
         points.extend((0..50).map(|k| [0.25 + 0.01 * f64::from(k), 0.5]));
         pieces.resize(points.len(), u32::MAX);
         let flat: Vec<P2> = uvs(Layout::Whole, &points);
-        let by = Bind::Uv {
-            uvs: Strided::new("uvs", bytes_of(&flat), vrtm::Scalar::F64, 2, flat.len(), 0).unwrap(),
-            layers: None,
-        };
+        let by = Bind::Uv { uvs: Strided::from_slice(&flat), layers: None };
         let carrier =
             asset.carrier(&CarrierSettings { pieces: Some(&pieces), ..CarrierSettings::new(by) }).unwrap();
         solve(&mut asset, &sheet.pose(|[x, y]| rounded(rigid([x, y, 0.0]))));

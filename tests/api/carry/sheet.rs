@@ -199,14 +199,8 @@ pub fn fetch_some(carrier: &Carrier, wanted: u32) -> All {
 
 /// A carrier of points with UVs.
 pub fn by_uv(asset: &Asset, uvs: &[P2], heights: Option<&[f64]>, fit: Fit, uv_set: u32) -> Carrier {
-    let pairs: Vec<u8> = uvs.iter().flatten().flat_map(|x| x.to_ne_bytes()).collect();
-    let of = |bytes, components| {
-        Strided::new("points", bytes, vrtm::Scalar::F64, components, uvs.len(), 0).unwrap()
-    };
-    let heights: Option<Vec<u8>> =
-        heights.map(|heights| heights.iter().flat_map(|x| x.to_ne_bytes()).collect());
-    let by = Bind::Uv { uvs: of(&pairs, 2), layers: None };
-    let heights = heights.as_deref().map(|bytes| of(bytes, 1));
+    let by = Bind::Uv { uvs: Strided::from_slice(uvs), layers: None };
+    let heights = heights.map(Strided::from_slice);
     asset.carrier(&CarrierSettings { uv_set, heights, fit, ..CarrierSettings::new(by) }).unwrap()
 }
 

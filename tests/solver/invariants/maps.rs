@@ -1,6 +1,6 @@
 //! Masked nodes stay fixed, maps may change between frames, and rigidity per vertex gives the same as a map.
 
-use vrtm::{Device, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings};
+use vrtm::{Device, ImageView, Quality, SolveOptions, Strided, TileSettings};
 
 use vrtm_testkit::{self, Model, Warp, bits, options, view};
 
@@ -127,11 +127,9 @@ fn vertex_rigidity_is_the_same_map_painted() {
     // values.
     let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
-    let ramp: Vec<u8> =
-        (0..512 * 512).flat_map(|k| (((k % 512) as f32 + 0.5) / 512.0).to_ne_bytes()).collect();
-    let layout = ImageLayout::packed(512, 512, PixelFormat::F32);
+    let ramp: Vec<f32> = (0..512 * 512).map(|k| ((k % 512) as f32 + 0.5) / 512.0).collect();
     let mut asset = model.asset(0, N);
-    asset.tile_mut(0).set_rigidity(Some(ImageView::new("map", &ramp, layout).unwrap())).unwrap();
+    asset.tile_mut(0).set_rigidity(Some(ImageView::from_texels("map", &ramp, [512; 2]).unwrap())).unwrap();
     let options = SolveOptions { max_corrections: Some(7), ..SolveOptions::default() };
     asset.solve(model.frame(1), &options).unwrap();
     let painted = Warp::of(&asset, 0);

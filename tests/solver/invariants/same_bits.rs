@@ -1,6 +1,6 @@
 //! A frame's result depends on its inputs alone: not on the number of threads, on earlier solves, or on failed calls.
 
-use vrtm::{Device, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided};
+use vrtm::{Device, FetchKind, ImageView, Quality, SolveOptions, Strided};
 use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::{self, Model, bits, fetch, long, options};
@@ -176,10 +176,9 @@ fn failed_calls_leave_the_result(device: &Device, grid: u32) {
     assert!(asset.solve(short, &SolveOptions::default()).is_err());
     let bad = SolveOptions { tolerance: Some(f32::NAN), ..SolveOptions::default() };
     assert!(asset.solve(model.frame(1), &bad).is_err());
-    let layout = ImageLayout::packed(2, 1, PixelFormat::F32);
-    let bytes: Vec<u8> = [0.5, f32::NAN].iter().flat_map(|x: &f32| x.to_ne_bytes()).collect();
-    assert!(asset.tile_mut(0).set_rigidity(Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
-    assert!(asset.tile_mut(0).set_mask(Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
+    let image = Some(ImageView::from_texels("map", &[0.5, f32::NAN], [2, 1]).unwrap());
+    assert!(asset.tile_mut(0).set_rigidity(image).is_err());
+    assert!(asset.tile_mut(0).set_mask(image).is_err());
     assert!(asset.set_vertex_rigidity(Some(Strided::from_slice(&[f32::NAN]))).is_err());
     assert!(asset.corner_uvs(0, &mut [[0.0; 2]]).is_err());
 
