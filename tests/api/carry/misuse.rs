@@ -109,7 +109,7 @@ fn a_budget_refuses_carriers_when_they_are_made() {
             TileSettings::default(),
         );
         // The second solve holds two results.
-        (0..2).for_each(|_| solve(&mut asset, &sheet.rest));
+        (0..2).for_each(|_| solve(&mut asset, &sheet.pose(warped)));
         asset
     };
     let held = on(None).device().info().bytes_held;
