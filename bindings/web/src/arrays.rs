@@ -1,100 +1,87 @@
 //! Typed arrays of JavaScript.
 
 use js_sys::{Float32Array, Float64Array, Uint8Array, Uint8ClampedArray, Uint16Array, Uint32Array};
-use vrtm::{Error, ImageLayout, ImageView, PixelFormat, Result, Scalar, Strided};
+use vrtm::{Error, ErrorKind, ImageLayout, ImageView, PixelFormat, Result, Scalar, Strided};
 use wasm_bindgen::{JsCast, JsValue};
 
-/// A copy of an array.
+/// A copy of an array, with the name that errors call it by.
 pub struct Array {
+    name: String,
     bytes: Vec<u8>,
-    kind: Kind,
+    /// Bytes of a number.
+    size: usize,
+    scalar: Option<Scalar>,
+    /// As a channel of a texel. A `Uint32Array` is neither: it has indices.
+    format: Option<PixelFormat>,
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    U8,
-    U16,
-    U32,
-    F32,
-    F64,
-}
-
-impl Kind {
-    fn size(self) -> usize {
-        match self {
-            Kind::U8 => 1,
-            Kind::U16 => 2,
-            Kind::U32 | Kind::F32 => 4,
-            Kind::F64 => 8,
-        }
-    }
+/// Memory of this size; an error that can be caught where there is none, and not the end of the module.
+pub fn zeros(bytes: u64) -> Result<Vec<u8>> {
+    let short = || Error::new(ErrorKind::OutOfMemory, format!("out of memory: {bytes} bytes"));
+    let count = usize::try_from(bytes).map_err(|_| short())?;
+    let mut zeros = Vec::new();
+    zeros.try_reserve_exact(count).map_err(|_| short())?;
+    zeros.resize(count, 0);
+    Ok(zeros)
 }
 
 impl Array {
-    pub fn new(name: &str, value: &JsValue) -> Result<Array> {
-        let is = |kind: Kind, yes: bool| yes.then_some(kind);
-        let kind = is(Kind::F32, value.is_instance_of::<Float32Array>())
-            .or(is(Kind::F64, value.is_instance_of::<Float64Array>()))
-            .or(is(Kind::U32, value.is_instance_of::<Uint32Array>()))
-            .or(is(Kind::U16, value.is_instance_of::<Uint16Array>()))
-            .or(is(Kind::U8, value.is_instance_of::<Uint8Array>()))
-            .or(is(Kind::U8, value.is_instance_of::<Uint8ClampedArray>()));
-        let kind = kind.ok_or_else(|| Error::argument(format!("{name}: a typed array is expected")))?;
+    pub fn new(name: impl Into<String>, value: &JsValue) -> Result<Array> {
+        let name = name.into();
+        let kinds = [
+            (value.is_instance_of::<Float32Array>(), 4, Some(Scalar::F32), Some(PixelFormat::F32)),
+            (value.is_instance_of::<Float64Array>(), 8, Some(Scalar::F64), None),
+            (value.is_instance_of::<Uint32Array>(), 4, None, None),
+            (value.is_instance_of::<Uint16Array>(), 2, None, Some(PixelFormat::U16)),
+            (value.is_instance_of::<Uint8Array>(), 1, None, Some(PixelFormat::U8)),
+            (value.is_instance_of::<Uint8ClampedArray>(), 1, None, Some(PixelFormat::U8)),
+        ];
+        let Some((_, size, scalar, format)) = kinds.into_iter().find(|(is, ..)| *is) else {
+            return Err(Error::argument(format!("{name}: a typed array is expected")));
+        };
         // All typed arrays have these.
         let array: &Uint8Array = value.unchecked_ref();
-        let bytes = Uint8Array::new_with_byte_offset_and_length(
-            &array.buffer(),
-            array.byte_offset(),
-            array.byte_length(),
-        );
-        Ok(Array { bytes: bytes.to_vec(), kind })
-    }
-
-    /// A map's values; `None` for `null` and `undefined`.
-    pub fn of_map(name: &str, value: &JsValue) -> Result<Option<Array>> {
-        if value.is_null() || value.is_undefined() { Ok(None) } else { Array::new(name, value).map(Some) }
-    }
-
-    pub fn strided(&self, name: &str, components: usize) -> Result<Strided<'_>> {
-        let scalar = match self.kind {
-            Kind::F32 => Scalar::F32,
-            Kind::F64 => Scalar::F64,
-            _ => {
-                return Err(Error::argument(format!("{name}: a Float32Array or a Float64Array is expected")));
-            }
-        };
-        let element = self.kind.size() * components;
-        if !self.bytes.len().is_multiple_of(element) {
-            let numbers = self.bytes.len() / self.kind.size();
-            return Err(Error::argument(format!(
-                "{name}: {numbers} numbers are no multiple of {components}"
-            )));
+        let mut bytes = zeros(array.byte_length().into())?;
+        // That of an array which was sent to a worker is empty, and has no views.
+        if !bytes.is_empty() {
+            let [first, length] = [array.byte_offset(), array.byte_length()];
+            Uint8Array::new_with_byte_offset_and_length(&array.buffer(), first, length).copy_to(&mut bytes);
         }
-        Strided::new(name, &self.bytes, scalar, components, self.bytes.len() / element, 0)
+        Ok(Array { name, bytes, size, scalar, format })
     }
 
-    pub fn u32s(&self, name: &str) -> Result<Vec<u32>> {
-        if self.kind != Kind::U32 {
-            return Err(Error::argument(format!("{name}: a Uint32Array is expected")));
+    /// The number of its numbers.
+    pub fn len(&self) -> usize {
+        self.bytes.len() / self.size
+    }
+
+    fn error(&self, what: &str) -> Error {
+        Error::argument(format!("{}: {what}", self.name))
+    }
+
+    pub fn strided(&self, components: usize) -> Result<Strided<'_>> {
+        let wrong = || self.error("a Float32Array or a Float64Array is expected");
+        let (scalar, numbers) = (self.scalar.ok_or_else(wrong)?, self.len());
+        if !numbers.is_multiple_of(components) {
+            return Err(self.error(&format!("{numbers} numbers are no multiple of {components}")));
+        }
+        Strided::new(&self.name, &self.bytes, scalar, components, numbers / components, 0)
+    }
+
+    pub fn u32s(&self) -> Result<Vec<u32>> {
+        if self.scalar.is_some() || self.format.is_some() {
+            return Err(self.error("a Uint32Array is expected"));
         }
         Ok(self.bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
     /// An image of one channel, first row at v = 1.
-    pub fn image(&self, name: &str, [width, height]: [u32; 2]) -> Result<ImageView<'_>> {
-        let format = match self.kind {
-            Kind::U8 => PixelFormat::U8,
-            Kind::U16 => PixelFormat::U16,
-            Kind::F32 => PixelFormat::F32,
-            _ => {
-                let message = format!("{name}: a Uint8Array, a Uint16Array or a Float32Array is expected");
-                return Err(Error::argument(message));
-            }
-        };
-        let [texels, expected] = [self.bytes.len() / format.size(), width as usize * height as usize];
-        if texels != expected {
-            return Err(Error::argument(format!("{name}: {texels} values for {width} x {height} texels")));
+    pub fn image(&self, [width, height]: [u32; 2]) -> Result<ImageView<'_>> {
+        let wrong = || self.error("a Uint8Array, a Uint16Array or a Float32Array is expected");
+        let (format, texels) = (self.format.ok_or_else(wrong)?, self.len());
+        if texels as u64 != u64::from(width) * u64::from(height) {
+            return Err(self.error(&format!("{texels} values for {width} x {height} texels")));
         }
-        ImageView::new(name, &self.bytes, ImageLayout::packed(width, height, format))
+        ImageView::new(&self.name, &self.bytes, ImageLayout::packed(width, height, format))
     }
 }

@@ -1,9 +1,12 @@
 /**
- * Variable rigidity texture mapping: given a mesh at rest, its UVs, a map of what is rigid, and a pose, `Asset` finds where each
- * texel has to be looked up so that painted features keep their shape. Everything runs on the CPU, in WebAssembly, on the
- * thread that calls: pages use `WorkerAsset` of "vrtm/worker", which has the same methods.
+ * Variable rigidity texture mapping: given a mesh at rest, its UVs, a map of what is rigid, and a pose, `Asset` finds
+ * where each texel has to be looked up so that painted features keep their shape. Everything runs on the CPU, in
+ * WebAssembly, on the thread that calls: pages use `WorkerAsset` of "vrtm/worker", which has the same methods.
  */
+import { AssetMethods, VrtmError, tell } from "./methods.js";
 import init, { Asset as Module } from "./wasm/vrtm.js";
+
+export { Carrier, AssetMethods, VrtmError, type Code } from "./methods.js";
 
 /** Positions or UVs, one after the other. */
 export type Numbers = Float32Array | Float64Array;
@@ -22,6 +25,8 @@ export interface Mesh {
   uvs: Numbers;
   /** UV of each face corner; without it there is one UV per corner. */
   uvIndices?: Uint32Array;
+  /** Further UV sets, from set 1 on. Each has its own tiles, after those of the set before it. */
+  uvSets?: { uvs: Numbers; uvIndices?: Uint32Array }[];
   /** Vertices at the same place are one, as in meshes of games. */
   weldByPosition?: boolean;
   /** Most layers of a tile: charts that lie over others get maps of their own. */
@@ -50,6 +55,9 @@ export interface Options {
   /** Amount of work: `draft` while something moves, `normal` (the default) when it rests. */
   quality?: "draft" | "normal";
   solver?: "descent" | "pbd";
+  /** `keep` (the default): features have their size at rest. `follow`: rest lengths are multiplied by the pose's own
+   * `Redirected.scale`, for a character under a scale control. */
+  scale?: "keep" | "follow";
   /** Milliseconds that the solve may take. */
   timeBudget?: number;
   maxCorrections?: number;
@@ -59,20 +67,128 @@ export interface Options {
   temporalWeight?: number;
   /** Measure the strain on the mesh for the reports. Slow. */
   measure?: boolean;
+  /** The newest pose wins, the default: a `redirect` of a `WorkerAsset` that waits for its turn is replaced by the next
+   * one. `false`: it is solved in any case, as `solve` is, and all calls of an `Asset`. */
+  replace?: boolean;
 }
 
-/** A tile: the charts of a UV set that share a map. */
+/** A tile: the charts of a UV set that share a map. Its grid depends on maps and settings: `grid` of the asset. */
 export interface Tile {
   udim: number;
   uvSet: number;
   layer: number;
-  charts: number;
-  /** Cells of the grid in u and v. */
-  grid: [number, number];
 }
 
-/** Kinds of images: where a texel is looked up in the tile, minus its own place, plus the tile's place; the warp itself. */
-export type Kind = "uv" | "delta" | "udim" | "warp";
+/** Kinds of images: where a texel is looked up in the tile, minus its own place, plus the tile's place; the warp
+ * itself; the derivatives of the redirection (du'/du, du'/dv, dv'/du, dv'/dv), and their largest singular value; the
+ * UV in another set of where the redirection leads, and minus that of the texel's own place. */
+export type Kind = "uv" | "delta" | "udim" | "warp" | "jacobian" | "filterScale" | "uvSet" | "uvSetDelta";
+
+/** An image to fetch: `width * height` texels of 4 numbers for `jacobian`, 1 for `filterScale`, and 2 for others. */
+export interface ImageFetch {
+  tile: number;
+  kind: Kind;
+  width: number;
+  height: number;
+  /** Bits of half floats in the place of 32-bit floats. */
+  half?: boolean;
+  /** The other UV set of the kinds `uvSet` and `uvSetDelta`. */
+  uvSet?: number;
+}
+
+/** Points to fetch; by default their positions and rotations. */
+export interface PointFetch {
+  carrier: { readonly number: number };
+  /** Either `rotations` or `matrices`. */
+  outputs?: (keyof Carried)[];
+}
+
+export type Fetch = ImageFetch | PointFetch;
+
+/** The result of `redirect`: images and points, both in the order of their fetches, and the report of each tile. */
+export interface Redirected {
+  images: (Float32Array | Uint16Array)[];
+  carried: Carried[];
+  reports: Report[];
+  /** The median of the edges' lengths in the pose, as multiples of those at rest, and the spread of these ratios: under
+   * 0.001 the pose is only scaled. */
+  scale: number;
+  scaleSpread: number;
+}
+
+/** Points to bind to the surface at rest, by one of `uvs`, `corners` and `positions`. */
+export interface CarrierSettings {
+  /** UVs among all tiles of the set, two numbers per point; and the layer of each point, or the first one there. */
+  uvs?: Numbers;
+  layers?: Uint32Array;
+  /** Three corners of one face per point, and their weights, three numbers per point. */
+  corners?: Uint32Array;
+  weights?: Numbers;
+  /** The nearest point of the surface to each of these, three numbers per point, and the largest distance from it. */
+  positions?: Numbers;
+  farthest?: number;
+  /** The UV set whose tiles carry the points. */
+  uvSet?: number;
+  /** Heights above the surface along its normal, one number per point. */
+  heights?: Numbers;
+  /** Frames at rest: quaternions x, y, z, w, or matrices row by row, nine numbers per point. */
+  frames?: Numbers;
+  /** The number of the rigid piece that each point belongs to; 0xffffffff = none. */
+  pieces?: Uint32Array;
+  /** Points of rigid features move as one body each, or all with the surface; `none`: as if nothing were redirected. */
+  fit?: "feature" | "surface" | "none";
+  /** The height up to which points of a body are blended to the surface. */
+  skirt?: number;
+}
+
+/** Points in the pose; what was not asked for is missing. */
+export interface Carried {
+  /** Three numbers per point. */
+  positions?: Float32Array;
+  /** Rotations from the frames at rest: quaternions x, y, z, w. */
+  rotations?: Float32Array;
+  /** The same as matrices row by row: nine numbers per point. */
+  matrices?: Float32Array;
+  /** The stretch of the surface that is left: two factors per point, the larger first. */
+  stretch?: Float32Array;
+  /** UV of the surface that has the texture of the point, with the tile's place: two numbers per point. */
+  uvs?: Float32Array;
+}
+
+/** Sizes of a carrier, and what its points are bound to. */
+export interface CarrierInfo {
+  points: number;
+  /** Points outside of all charts, in folded UVs, and too far from the surface: they move with the surface alone. */
+  outside: number;
+  folded: number;
+  tooFar: number;
+  /** For each point 0, or which of these it is: 1, 2 or 3. */
+  states: Uint8Array;
+  /** Features that points moved with in the last fetch, and the largest distance of a rim of one from the surface. */
+  features: number;
+  rim: number;
+  bytes: number;
+  milliseconds: number;
+}
+
+/** A line of the log, as docs/hosts.md lists their codes and values: `PoseScale` for `VRTM_LOG_CODE_POSE_SCALE`. */
+export interface LogEntry {
+  /** A warning is for the artist. */
+  level: "warning" | "info";
+  code: string;
+  /** The tile that it is about; `null` = none. */
+  udim: number | null;
+  uvSet: number;
+  layer: number;
+  values: number[];
+  message: string;
+}
+
+/** Settings of a new asset. */
+export interface AssetSettings {
+  /** Gets each line of the log; without it, warnings go to `console.warn`. It cannot call the asset. */
+  log?: (entry: LogEntry) => void;
+}
 
 /** Relative changes of length of rigid material. */
 export interface Strain {
@@ -132,14 +248,17 @@ export interface Report {
 }
 
 let loading: Promise<unknown> | undefined;
+let loaded = false;
+let ended: VrtmError | undefined;
 
 /** Loads the WebAssembly, once; without an argument the file beside this one. */
 export async function load(wasm?: URL | string | BufferSource | Response | Promise<Response>): Promise<void> {
   loading ??= start(wasm).catch((error) => {
     loading = undefined;
-    throw error;
+    throw new VrtmError("NotLoaded", `the WebAssembly cannot be loaded: ${(error as Error).message}`);
   });
   await loading;
+  loaded = true;
 }
 
 async function start(wasm?: URL | string | BufferSource | Response | Promise<Response>): Promise<unknown> {
@@ -153,62 +272,60 @@ async function start(wasm?: URL | string | BufferSource | Response | Promise<Res
   return init({ module_or_path: file });
 }
 
-/** A mesh with its tiles, their maps and results. After an error everything is as it was before the call. */
-export class Asset {
-  readonly tiles: Tile[];
-  #module: Module;
+/** Calls the module, which throws its errors as an array of code and message. Anything else has ended it: WebAssembly
+ * does not unwind, and what the call held is held for ever. */
+function guarded<T>(call: () => T): T {
+  if (ended) {
+    throw ended;
+  }
+  if (!loaded) {
+    throw new VrtmError("NotLoaded", "the WebAssembly is not loaded yet: load() comes first");
+  }
+  try {
+    return call();
+  } catch (thrown) {
+    if (Array.isArray(thrown)) {
+      throw new VrtmError(thrown[0], thrown[1]);
+    }
+    const why = `the WebAssembly has ended, by a defect or because memory ran short (${(thrown as Error).message})`;
+    ended = new VrtmError("Internal", `${why}: use another worker, or load the page again`);
+    throw ended;
+  }
+}
 
-  /** Reads a mesh, after `load`. Errors have a kind as their name (`InvalidArgument`) and tell the argument. */
-  constructor(mesh: Mesh) {
-    this.#module = new Module(mesh);
-    this.tiles = this.#module.tiles() as Tile[];
+/** A mesh with its tiles, their maps, carriers and results. */
+export class Asset extends AssetMethods<false> {
+  #module: Module | undefined;
+  #busy = false;
+
+  /** Reads a mesh, after `load`. */
+  constructor(mesh: Mesh, { log }: AssetSettings = {}) {
+    super();
+    this.#module = guarded(() => new Module(mesh, (entry: LogEntry) => tell(entry, log)));
+    this.tiles = this.call("tiles", []);
   }
 
-  /** Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `null` removes it. */
-  setRigidity(tile: number, values: Texels | null, width = 0, height = 0): void {
-    this.#module.setRigidity(tile, values, width, height);
-  }
-
-  /** Sets a tile's warp mask: texels under 0.5 do not move; `null` removes it. */
-  setMask(tile: number, values: Texels | null, width = 0, height = 0): void {
-    this.#module.setMask(tile, values, width, height);
-  }
-
-  /** Replaces a part of the rigidity: first column and row, columns and rows. `values` is the whole map. */
-  updateRigidity(tile: number, values: Texels, width: number, height: number, part: number[]): void {
-    this.#module.updateRigidity(tile, values, width, height, new Uint32Array(part));
-  }
-
-  setSettings(tile: number, settings: Settings): void {
-    this.#module.setSettings(tile, settings);
-  }
-
-  /** Solves all tiles for a pose: three numbers per vertex. */
-  solve(positions: Numbers, options: Options = {}): void {
-    this.#module.solve(positions, options);
-  }
-
-  /** A result as an image, two numbers per texel, first row at v = 1. */
-  fetch(tile: number, kind: Kind, width: number, height: number): Float32Array {
-    return this.#module.fetch(tile, kind, width, height, false) as Float32Array;
-  }
-
-  /** A result as the bits of half floats, as textures take them (WebGL's `HALF_FLOAT`). */
-  fetchHalf(tile: number, kind: Kind, width: number, height: number): Uint16Array {
-    return this.#module.fetch(tile, kind, width, height, true) as Uint16Array;
-  }
-
-  /** The redirected UV of each face corner, two numbers each. */
-  cornerUvs(uvSet = 0): Float32Array {
-    return this.#module.cornerUvs(uvSet);
-  }
-
-  report(tile: number): Report {
-    return this.#module.report(tile) as Report;
-  }
-
-  /** Frees the asset's memory; it cannot be used after that. */
   free(): void {
-    this.#module.free();
+    if (this.#module) {
+      this.call("free", []);
+      this.#module = undefined;
+    }
+  }
+
+  /** @internal */
+  call<T>(name: string, given: unknown[], make: (value: any) => T = (value) => value): T {
+    if (!this.#module) {
+      throw new VrtmError("Freed", "the asset was freed");
+    }
+    if (this.#busy) {
+      throw new VrtmError("Busy", "the asset is in use by the call that tells this line of the log");
+    }
+    const module = this.#module as unknown as Record<string, (...given: unknown[]) => unknown>;
+    this.#busy = true;
+    try {
+      return make(guarded(() => module[name](...given)));
+    } finally {
+      this.#busy = false;
+    }
   }
 }

@@ -1,44 +1,27 @@
 /** The worker of a `WorkerAsset`: it has one asset, and answers one question after the other. */
-import { Asset, load } from "./index.js";
-import type { Answer, Question, Redirected } from "./messages.js";
+import { Asset, load, type LogEntry, type Mesh } from "./index.js";
+import { VrtmError, type Answer, type Question } from "./methods.js";
 
 let asset: Asset | undefined;
+const post = (answer: Answer, transfer: Transferable[] = []) =>
+  (self as unknown as Worker).postMessage(answer, transfer);
 
-async function answer(question: Question): Promise<[unknown, Transferable[]]> {
-  if (question.name === "create") {
-    await load(question.wasm);
-    asset = new Asset(question.mesh);
-    return [asset.tiles, []];
+async function answer({ name, given }: Question): Promise<unknown> {
+  if (name !== "create") {
+    return asset!.call(name, given);
   }
-  if (!asset) {
-    throw new Error("there is no asset");
+  const [mesh, wasm] = given as [Mesh, string?];
+  await load(wasm);
+  asset = new Asset(mesh, { log: (log: LogEntry) => post({ log }) });
+  return asset.tiles;
+}
+
+/** The memory of all arrays in a value, which goes to the page without a copy. */
+function buffers(value: unknown): Transferable[] {
+  if (ArrayBuffer.isView(value)) {
+    return [value.buffer as ArrayBuffer];
   }
-  switch (question.name) {
-    case "setRigidity":
-      return [asset.setRigidity(question.tile, question.values, question.width, question.height), []];
-    case "setMask":
-      return [asset.setMask(question.tile, question.values, question.width, question.height), []];
-    case "updateRigidity": {
-      const { tile, values, width, height, part } = question;
-      return [asset.updateRigidity(tile, values, width, height, part), []];
-    }
-    case "setSettings":
-      return [asset.setSettings(question.tile, question.settings), []];
-    case "cornerUvs": {
-      const uvs = asset.cornerUvs(question.uvSet);
-      return [uvs, [uvs.buffer]];
-    }
-    case "redirect": {
-      const solved = asset;
-      solved.solve(question.positions, question.options);
-      const images = question.fetches.map(({ tile, kind, width, height, half }) =>
-        half ? solved.fetchHalf(tile, kind, width, height) : solved.fetch(tile, kind, width, height),
-      );
-      const reports = solved.tiles.map((_, tile) => solved.report(tile));
-      const redirected: Redirected = { images, reports };
-      return [redirected, images.map((image) => image.buffer)];
-    }
-  }
+  return value && typeof value === "object" ? Object.values(value).flatMap(buffers) : [];
 }
 
 // Questions are answered in their order, also while the first one loads.
@@ -46,11 +29,11 @@ let last: Promise<void> = Promise.resolve();
 self.onmessage = ({ data }: MessageEvent<Question>) => {
   last = last.then(async () => {
     try {
-      const [value, transfer] = await answer(data);
-      (self as unknown as Worker).postMessage({ id: data.id, value } satisfies Answer, transfer);
+      const value = await answer(data);
+      post({ id: data.id, value }, buffers(value));
     } catch (thrown) {
-      const { name, message } = thrown as Error;
-      self.postMessage({ id: data.id, error: { name, message } } satisfies Answer);
+      const { message } = thrown as Error;
+      post({ id: data.id, error: { code: thrown instanceof VrtmError ? thrown.code : "Internal", message } });
     }
   });
 };

@@ -1,116 +1,136 @@
 /** An asset in a worker of its own, so that a page draws on while it is solved. */
-import type { Mesh, Numbers, Options, Settings, Texels, Tile } from "./index.js";
-import type { Answer, Call, Created, Fetch, Redirected } from "./messages.js";
+import type { AssetSettings, Fetch, LogEntry, Mesh, Numbers, Options, Redirected } from "./index.js";
+import { AssetMethods, VrtmError, tell, type Answer, type Code, type Question } from "./methods.js";
 
-export type { Fetch, Redirected } from "./messages.js";
+export type { Fetch, Redirected } from "./index.js";
+export { Carrier, VrtmError, type Code } from "./methods.js";
+
+/** Settings of a new asset and of its worker. */
+export interface WorkerSettings extends AssetSettings {
+  /** A worker that was made of this package's worker.js, where a bundler moves it. */
+  worker?: Worker;
+  /** The address of vrtm_bg.wasm, where it is not beside the worker. */
+  wasm?: string;
+}
 
 interface Waiting {
   resolve: (value: any) => void;
-  reject: (error: Error) => void;
+  reject: (error: VrtmError) => void;
 }
 
-/** Has the methods of `Asset`, which return promises here. */
-export class WorkerAsset {
-  tiles: Tile[] = [];
+const used = new WeakSet<Worker>();
+
+/** The methods of `Asset` in a worker: calls are answered in their order, but for poses that wait. */
+export class WorkerAsset extends AssetMethods<true> {
   #worker: Worker;
+  #terminate: () => void;
   #waiting = new Map<number, Waiting>();
   #next = 0;
-  #solving = false;
-  #latest: (Waiting & { call: Call }) | undefined;
+  #ended: VrtmError | undefined;
+  /** Redirects that the worker has; and the newest, which waits until it has none. */
+  #redirects = 0;
+  #newest: (Waiting & { given: unknown[] }) | undefined;
 
-  private constructor(worker: Worker) {
+  private constructor(worker: Worker, log?: (entry: LogEntry) => void) {
+    super();
     this.#worker = worker;
     worker.onmessage = ({ data }: MessageEvent<Answer>) => {
+      if ("log" in data) {
+        return tell(data.log, log);
+      }
       const waiting = this.#waiting.get(data.id);
       this.#waiting.delete(data.id);
       if ("error" in data) {
-        waiting?.reject(Object.assign(new Error(data.error.message), { name: data.error.name }));
+        waiting?.reject(new VrtmError(data.error.code, data.error.message));
       } else {
         waiting?.resolve(data.value);
       }
     };
-    worker.onerror = (event) => this.#fail(new Error(event.message || "the worker could not be loaded"));
+    this.#terminate = worker.terminate.bind(worker);
+    worker.terminate = () => this.#end("WorkerEnded", "the worker was terminated");
+    const ended = (why: string) => this.#end("WorkerEnded", `the worker has ended: ${why}`);
+    worker.onerror = ({ message }) => ended(message || "it could not be loaded");
+    worker.onmessageerror = () => ended("its answer cannot be read");
   }
 
-  /** Reads a mesh in a new worker. `worker` is one that was made of this package's worker.js, where a bundler moves it; `wasm`
-   * is the address of vrtm_bg.wasm, where it is not beside it. */
-  static async create(mesh: Mesh, { worker, wasm }: { worker?: Worker; wasm?: string } = {}): Promise<WorkerAsset> {
+  /** Reads a mesh in a new worker. */
+  static async create(mesh: Mesh, { worker, wasm, log }: WorkerSettings = {}): Promise<WorkerAsset> {
     const own = worker ?? new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
-    const asset = new WorkerAsset(own);
+    if (used.has(own)) {
+      throw new VrtmError("InvalidArgument", "worker: it has an asset already");
+    }
+    used.add(own);
+    const asset = new WorkerAsset(own, log);
     try {
-      asset.tiles = (await asset.#ask({ name: "create", mesh, wasm })) as Created;
+      asset.tiles = await asset.call("create", [mesh, wasm]);
     } catch (error) {
-      asset.free();
+      own.terminate();
       throw error;
     }
     return asset;
   }
 
-  setRigidity(tile: number, values: Texels | null, width = 0, height = 0): Promise<void> {
-    return this.#ask({ name: "setRigidity", tile, values, width, height });
+  override async solve(positions: Numbers, options?: Options): Promise<void> {
+    await this.redirect(positions, { ...options, replace: false });
   }
 
-  setMask(tile: number, values: Texels | null, width = 0, height = 0): Promise<void> {
-    return this.#ask({ name: "setMask", tile, values, width, height });
-  }
-
-  updateRigidity(tile: number, values: Texels, width: number, height: number, part: number[]): Promise<void> {
-    return this.#ask({ name: "updateRigidity", tile, values, width, height, part });
-  }
-
-  setSettings(tile: number, settings: Settings): Promise<void> {
-    return this.#ask({ name: "setSettings", tile, settings });
-  }
-
-  cornerUvs(uvSet = 0): Promise<Float32Array> {
-    return this.#ask({ name: "cornerUvs", uvSet });
-  }
-
-  /** Solves for a pose, and fetches images. While a solve is under way the last request alone waits: one that another has
-   * replaced gives `null`. */
-  redirect(positions: Numbers, options: Options, fetches: Fetch[]): Promise<Redirected | null> {
-    const call: Call = { name: "redirect", positions, options, fetches };
+  override redirect(positions: Numbers, options: Options = {}, fetches: Fetch[] = []): Promise<Redirected | null> {
+    const isSolved = options?.replace === false;
     return new Promise((resolve, reject) => {
-      this.#latest?.resolve(null);
-      this.#latest = { call, resolve, reject };
-      this.#solve();
+      if (isSolved) {
+        // A pose that waits keeps its place before this one.
+        this.#begin();
+      }
+      this.#newest?.resolve(null);
+      this.#newest = { given: [positions, options, fetches], resolve, reject };
+      if (isSolved || this.#redirects === 0) {
+        this.#begin();
+      }
     });
   }
 
   /** Ends the worker; what is under way is rejected. */
-  free(): void {
-    this.#worker.terminate();
-    this.#fail(new Error("the asset was freed"));
+  async free(): Promise<void> {
+    this.#end("Freed", "the asset was freed");
   }
 
-  #solve(): void {
-    const latest = this.#latest;
-    if (this.#solving || !latest) {
-      return;
+  /** Gives the worker the pose that waits. */
+  #begin(): void {
+    const newest = this.#newest;
+    if (newest) {
+      this.#newest = undefined;
+      this.#redirects++;
+      const done = () => --this.#redirects === 0 && this.#begin();
+      this.call("redirect", newest.given).then(newest.resolve, newest.reject).finally(done);
     }
-    this.#latest = undefined;
-    this.#solving = true;
-    this.#ask<Redirected>(latest.call)
-      .then(latest.resolve, latest.reject)
-      .finally(() => {
-        this.#solving = false;
-        this.#solve();
-      });
   }
 
-  #ask<T>(call: Call): Promise<T> {
-    return new Promise((resolve, reject) => {
+  /** @internal */
+  call<T>(name: string, given: unknown[], make: (value: any) => T = (value) => value): Promise<T> {
+    const answer = new Promise<any>((resolve, reject) => {
+      if (this.#ended) {
+        return reject(this.#ended);
+      }
       const id = this.#next++;
-      this.#waiting.set(id, { resolve, reject });
-      this.#worker.postMessage({ ...call, id });
+      try {
+        this.#worker.postMessage({ id, name, given } satisfies Question);
+        this.#waiting.set(id, { resolve, reject });
+      } catch (error) {
+        reject(new VrtmError("InvalidArgument", `${name}: ${(error as Error).message}`));
+      }
     });
+    return answer.then(make);
   }
 
-  #fail(error: Error): void {
-    const latest = this.#latest;
-    this.#latest = undefined;
-    latest?.reject(error);
-    this.#waiting.forEach(({ reject }) => reject(error));
+  /** Ends the worker. All calls fail from now on; the first reason stays. */
+  #end(code: Code, message: string): void {
+    this.#terminate();
+    this.#ended ??= new VrtmError(code, message);
+    this.#newest?.reject(this.#ended);
+    this.#newest = undefined;
+    for (const { reject } of this.#waiting.values()) {
+      reject(this.#ended);
+    }
     this.#waiting.clear();
   }
 }

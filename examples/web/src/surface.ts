@@ -5,7 +5,8 @@ import type { Scene } from "./scene.js";
 export class Surface {
   readonly geometry = new BufferGeometry();
   #vertexOf: Uint32Array;
-  #triangles: Uint32Array;
+  /** The mesh's own vertices, for their normals. */
+  #own = new BufferGeometry();
 
   constructor({ mesh }: Scene) {
     const corners = new Map<number, number>();
@@ -32,7 +33,8 @@ export class Surface {
       first += count;
     }
     this.#vertexOf = Uint32Array.from(vertices);
-    this.#triangles = Uint32Array.from(triangles);
+    this.#own.setIndex(triangles);
+    this.#own.setAttribute("position", new BufferAttribute(mesh.positions.slice(), 3));
     this.geometry.setIndex(index);
     const floats = (size: number) => new BufferAttribute(new Float32Array(vertices.length * size), size);
     this.geometry.setAttribute("position", floats(3));
@@ -45,7 +47,9 @@ export class Surface {
 
   pose(positions: Float32Array): void {
     this.#spread(positions, "position");
-    this.#spread(normals(positions, this.#triangles), "normal");
+    (this.#own.getAttribute("position") as BufferAttribute).copyArray(positions);
+    this.#own.computeVertexNormals();
+    this.#spread(this.#own.getAttribute("normal").array as Float32Array, "normal");
     this.geometry.computeBoundingSphere();
   }
 
@@ -59,25 +63,4 @@ export class Surface {
     });
     attribute.needsUpdate = true;
   }
-}
-
-/** Sums of the normals of the triangles at each vertex, which their areas weigh. */
-function normals(p: Float32Array, triangles: Uint32Array): Float32Array {
-  const sums = new Float32Array(p.length);
-  for (let k = 0; k < triangles.length; k += 3) {
-    const [a, b, c] = [3 * triangles[k], 3 * triangles[k + 1], 3 * triangles[k + 2]];
-    const [ux, uy, uz] = [p[b] - p[a], p[b + 1] - p[a + 1], p[b + 2] - p[a + 2]];
-    const [vx, vy, vz] = [p[c] - p[a], p[c + 1] - p[a + 1], p[c + 2] - p[a + 2]];
-    const normal = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
-    for (const at of [a, b, c]) {
-      normal.forEach((x, axis) => (sums[at + axis] += x));
-    }
-  }
-  for (let k = 0; k < sums.length; k += 3) {
-    const length = Math.hypot(sums[k], sums[k + 1], sums[k + 2]) || 1;
-    sums[k] /= length;
-    sums[k + 1] /= length;
-    sums[k + 2] /= length;
-  }
-  return sums;
 }
