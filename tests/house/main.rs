@@ -3,6 +3,7 @@
 
 mod arrows;
 mod bindings;
+mod languages;
 mod links;
 mod packages;
 mod size;
