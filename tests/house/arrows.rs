@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// The source folders of the library's crates.
 fn crates() -> Vec<PathBuf> {
-    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).canonicalize().unwrap();
+    let root = crate::root().canonicalize().unwrap();
     let mut folders = vec![root.join("src"), root.join("capi/src")];
     folders.extend(fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src")));
     // For development alone.
@@ -30,15 +30,8 @@ fn ranks(root: &Path) -> BTreeMap<String, usize> {
 }
 
 /// All Rust files under a folder, without those of tests.
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            sources(&path, found);
-        } else if path.extension().is_some_and(|e| e == "rs") && !path.ends_with("tests.rs") {
-            found.push(path);
-        }
-    }
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    crate::files(folder, &["rs"]).into_iter().filter(|path| !path.ends_with("tests.rs")).collect()
 }
 
 /// A file's code: without comments, and without the tests at its end.
@@ -87,9 +80,7 @@ fn imports_point_down_and_name_the_defining_module() {
     let (mut arrows, mut wrong) = (0, Vec::new());
     for root in crates() {
         let ranks = ranks(&root);
-        let mut files = Vec::new();
-        sources(&root, &mut files);
-        for path in files {
+        for path in sources(&root) {
             let place = path.strip_prefix(&root).unwrap();
             let first = place.components().next().unwrap().as_os_str().to_str().unwrap();
             let own = match first.strip_suffix(".rs").unwrap_or(first) {
@@ -113,8 +104,7 @@ fn imports_point_down_and_name_the_defining_module() {
 
 /// The files by the paths of their modules, such as `cpu::correct::rows`. Without `lib`, which hands on.
 fn modules(root: &Path) -> BTreeMap<String, PathBuf> {
-    let mut files = Vec::new();
-    sources(root, &mut files);
+    let files = sources(root);
     let name = |file: &Path| {
         let place = file.strip_prefix(root).unwrap().with_extension("");
         place.to_str().unwrap().replace(std::path::MAIN_SEPARATOR, "::").replace("::mod", "")
@@ -191,8 +181,7 @@ fn module<'a>(own: &str, path: &str, modules: &'a BTreeMap<String, PathBuf>) -> 
 /// std's clock panics in browsers.
 #[test]
 fn the_clock_alone_asks_std_for_the_time() {
-    let mut files = Vec::new();
-    crates().iter().for_each(|root| sources(root, &mut files));
+    let files: Vec<_> = crates().iter().flat_map(|root| sources(root)).collect();
     let asks = |path: &PathBuf| {
         let code = code(path);
         // In one path or in a list of imports.

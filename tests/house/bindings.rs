@@ -5,6 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{MAIN_SEPARATOR, Path};
 
+use crate::{files, root};
+
 /// The packages, and where they are.
 const PACKAGES: [(&str, &str); 2] = [("vrtm_blender", "bindings/blender"), ("vrtm", "bindings/python/src")];
 /// The build writes these, which import nothing of the package but `_table`.
@@ -14,23 +16,14 @@ const ALLOWED: (&str, &str) = ("vrtm/_tile", "vrtm/_asset");
 
 type Arrows = BTreeMap<String, BTreeSet<String>>;
 
-fn root() -> &'static Path {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-}
-
 /// Adds the files of a package, without `.py`, such as `vrtm/bake/run`, each with its code.
-fn sources(base: &Path, folder: &Path, found: &mut BTreeMap<String, String>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            sources(base, &path, found);
-        } else if path.extension().is_some_and(|ending| ending == "py") {
-            let name = path.strip_prefix(base).unwrap().with_extension("");
-            let name = name.to_str().unwrap().replace(MAIN_SEPARATOR, "/");
-            // Every other piece between quotes is text.
-            let code = fs::read_to_string(&path).unwrap().split("\"\"\"").step_by(2).collect();
-            found.insert(name, code);
-        }
+fn sources(base: &Path, package: &str, found: &mut BTreeMap<String, String>) {
+    for path in files(&base.join(package), &["py"]) {
+        let name = path.strip_prefix(base).unwrap().with_extension("");
+        let name = name.to_str().unwrap().replace(MAIN_SEPARATOR, "/");
+        // Every other piece between quotes is text.
+        let code = fs::read_to_string(&path).unwrap().split("\"\"\"").step_by(2).collect();
+        found.insert(name, code);
     }
     found.retain(|name, _| !GENERATED.contains(&name.as_str()));
 }
@@ -64,15 +57,17 @@ fn imports(file: &str, code: &str) -> Vec<(String, String)> {
 
 /// Imports between files, of all packages.
 fn arrows() -> Arrows {
-    let mut files = BTreeMap::new();
+    let mut code_of = BTreeMap::new();
     for (package, folder) in PACKAGES {
-        sources(&root().join(folder), &root().join(folder).join(package), &mut files);
+        sources(&root().join(folder), package, &mut code_of);
     }
     let mut arrows = Arrows::new();
-    for (file, code) in &files {
+    for (file, code) in &code_of {
         let named = imports(file, code).into_iter().filter_map(|(module, name)| {
             let places = [format!("{module}/{name}"), module.clone(), format!("{module}/__init__")];
-            places.into_iter().find(|place| files.contains_key(place) || GENERATED.contains(&place.as_str()))
+            places
+                .into_iter()
+                .find(|place| code_of.contains_key(place) || GENERATED.contains(&place.as_str()))
         });
         arrows.insert(
             file.clone(),
@@ -81,7 +76,7 @@ fn arrows() -> Arrows {
     }
     assert!(arrows.get_mut(ALLOWED.0).unwrap().remove(ALLOWED.1), "{ALLOWED:?}: it is not imported any more");
     let count: usize = arrows.values().map(BTreeSet::len).sum();
-    assert!(files.len() > 120 && count > 500, "only {count} arrows between {} files", files.len());
+    assert!(code_of.len() > 120 && count > 500, "only {count} arrows between {} files", code_of.len());
     arrows
 }
 

@@ -1,7 +1,9 @@
 //! The table of docs/languages.md: each name stands in the files of its language, and where there is none, a reason.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::{files, root};
 
 /// Columns, and where their names are declared: files, or folders of them. The structs of C are those of C++, too, and
 /// those of Python and C# are made of them.
@@ -18,29 +20,25 @@ const COLUMNS: [(&str, &[&str]); 6] = [
 ];
 const ENDINGS: [&str; 6] = ["h", "hpp", "rs", "py", "ts", "cs"];
 
-/// Lines of code of a file or folder, without comments and docstrings.
-fn code(path: &Path, lines: &mut Vec<String>) {
-    if path.is_dir() {
-        let mut inside: Vec<PathBuf> =
-            fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()).collect();
-        // Written from the header; a command's.
-        inside.retain(|path| !["_abi.py", "_records.py", "bake"].iter().any(|name| path.ends_with(name)));
-        return inside.iter().for_each(|path| code(path, lines));
-    }
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    if !ENDINGS.contains(&&*ending) {
-        return;
-    }
-    let mut is_text = false;
-    for line in fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).lines() {
-        let was_text = is_text;
-        is_text ^= line.matches("\"\"\"").count() % 2 == 1;
-        let is_comment =
-            ["//", "/*", "* ", "#!", "# "].iter().any(|mark| line.trim_start().starts_with(mark));
-        if !was_text && !is_comment && !line.contains("\"\"\"") {
-            lines.push(line.to_owned());
+/// Lines of code of a file or folder, without comments, docstrings, what is written from the header, and a command's.
+fn code(place: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    for path in files(place, &ENDINGS) {
+        let is_other =
+            |part: &std::ffi::OsStr| ["_abi.py", "_records.py", "bake"].iter().any(|name| part == *name);
+        if path.strip_prefix(place).unwrap().iter().any(is_other) {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        // Every other piece between such quotes is text.
+        for line in text.split("\"\"\"").step_by(2).flat_map(str::lines) {
+            let is_mark = |mark: &&str| line.trim_start().starts_with(*mark);
+            if !["//", "/*", "* ", "#!", "# "].iter().any(is_mark) {
+                found.push(line.to_owned());
+            }
         }
     }
+    found
 }
 
 /// True if the line declares the name: it is not part of an expression.
@@ -75,8 +73,7 @@ fn declare(lines: &[String], path: &str) -> bool {
 
 #[test]
 fn each_language_has_what_the_table_names() {
-    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
-    let document = fs::read_to_string(root.join("docs/languages.md")).unwrap();
+    let document = fs::read_to_string(root().join("docs/languages.md")).unwrap();
     let mut rows = document
         .lines()
         .filter(|line| line.starts_with('|'))
@@ -87,8 +84,7 @@ fn each_language_has_what_the_table_names() {
     assert!(rows.len() >= 20, "only {} rows", rows.len());
     let mut missing = Vec::new();
     for (k, (language, places)) in COLUMNS.iter().enumerate() {
-        let mut lines = Vec::new();
-        places.iter().for_each(|place| code(&root.join(place), &mut lines));
+        let lines: Vec<_> = places.iter().flat_map(|place| code(&root().join(place))).collect();
         for row in &rows {
             assert_eq!(row.len(), 1 + COLUMNS.len(), "{row:?}");
             let cell = &row[1 + k];

@@ -2,26 +2,9 @@
 //! and the indices in `docs/` and its folders name every page there.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-fn root() -> &'static Path {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-}
-
-/// All Markdown files below `folder`, but for hidden folders and those that builds and bakes write.
-fn documents(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let left_out =
-            name.starts_with('.') || ["target", "out", "build", "node_modules"].contains(&name.as_str());
-        if path.is_dir() && !left_out {
-            documents(&path, found);
-        } else if name.ends_with(".md") {
-            found.push(path);
-        }
-    }
-}
+use crate::root;
 
 /// A document's lines without its blocks and spans of code, in which brackets are no links and `#` is no heading.
 fn prose(path: &Path) -> Vec<String> {
@@ -67,8 +50,7 @@ fn anchors(path: &Path) -> BTreeSet<String> {
 
 #[test]
 fn every_relative_link_and_anchor_leads_somewhere() {
-    let mut found = Vec::new();
-    documents(root(), &mut found);
+    let found = crate::files(root(), &["md"]);
     let (mut links, mut broken) = (0, Vec::new());
     for document in &found {
         for line in prose(document) {

@@ -4,7 +4,9 @@
 //! --test house words::` writes it anew where it has shrunk.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::{files, root};
 
 const WIDTH: usize = 120;
 const OPENINGS: [&str; 8] = ["What", "Whether", "Where", "How", "Those", "That", "Which", "Why"];
@@ -12,26 +14,6 @@ const QUOTES: &str = "\"\"\"";
 /// Folders of sources, and the endings of their files.
 const FOLDERS: [&str; 8] = ["benches", "bindings", "capi", "crates", "examples", "include", "src", "tests"];
 const ENDINGS: [&str; 11] = ["c", "cpp", "cs", "h", "hpp", "js", "mjs", "py", "rs", "ts", "wgsl"];
-/// Folders that builds write.
-const BUILT: [&str; 6] = ["target", "dist", "node_modules", "wasm", "__pycache__", "build"];
-
-fn root() -> &'static Path {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-}
-
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        // Written from the header, line by line.
-        let generated = name == "_abi.py" || name == "_records.py";
-        if path.is_dir() && !BUILT.contains(&name.as_str()) && !name.starts_with('.') {
-            sources(&path, found);
-        } else if name.rsplit_once('.').is_some_and(|(_, ending)| ENDINGS.contains(&ending)) && !generated {
-            found.push(path);
-        }
-    }
-}
 
 /// First lines of all doc comments, without their marks: of `///`, or of docstrings.
 fn docs(text: &str, is_python: bool) -> Vec<&str> {
@@ -84,13 +66,14 @@ What is no docstring.
 
 #[test]
 fn exceptions_only_shrink() {
-    let mut files = Vec::new();
-    FOLDERS.iter().for_each(|folder| sources(&root().join(folder), &mut files));
+    // Written from the header, line by line.
+    let generated = |path: &Path| path.ends_with("_abi.py") || path.ends_with("_records.py");
+    let sources = FOLDERS.iter().flat_map(|folder| files(&root().join(folder), &ENDINGS));
     let name = |file: &Path| file.strip_prefix(root()).unwrap().to_string_lossy().replace('\\', "/");
-    let found: BTreeMap<String, [usize; 2]> = files
-        .iter()
+    let found: BTreeMap<String, [usize; 2]> = sources
+        .filter(|file| !generated(file))
         .map(|file| {
-            (name(file), faults(&std::fs::read_to_string(file).unwrap(), name(file).ends_with(".py")))
+            (name(&file), faults(&std::fs::read_to_string(&file).unwrap(), name(&file).ends_with(".py")))
         })
         .filter(|(_, faults)| *faults != [0, 0])
         .collect();
