@@ -16,12 +16,12 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
 # What each figure needs: an asset beside the checkout, a built-in scene, or scipy.
-NEEDS = {"1": ["mh_face"], "3": ["scipy"], "4": ["mug_to_jug", "scipy"], "5": [], "6": ["mug_to_jug", "scipy"], "7": []}
+NEEDS = {"1": ["mh_face"], "5": [], "6": ["mug_to_jug", "scipy"], "7": []}
 
 
 def parsed():
     parser = argparse.ArgumentParser(prog="benches/paper", description=__doc__.split("\n")[0])
-    parser.add_argument("--figures", default="1,3,4,5,6,7", help="which figures, or 'none' (1,3,4,5,6,7)")
+    parser.add_argument("--figures", default="1,5,6,7", help="which figures, or 'none' (1,5,6,7)")
     parser.add_argument(
         "--tables",
         nargs="?",
@@ -81,12 +81,10 @@ def missing(needs, options, scenes):
 
 
 def makers():
-    from figures import comparisons, fig1, fig5, fig6, fig7
+    from figures import fig1, fig5, fig6, fig7
 
     return {
         "1": fig1.make,
-        "3": comparisons.fig3,
-        "4": comparisons.fig4,
         "5": fig5.make,
         "6": fig6.make,
         "7": fig7.make,
@@ -133,7 +131,7 @@ def document(results, path, file):
 
 def main():
     options = parsed()
-    sys.path += [str(REPOSITORY / "tests" / "renderers"), str(REPOSITORY / "benches" / "peers")]
+    sys.path.append(str(REPOSITORY / "tests" / "renderers"))
     if options.quick:
         import quick
 

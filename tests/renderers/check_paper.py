@@ -4,7 +4,7 @@ import sys
 
 from checks import ASSETS, REPOSITORY, check, run, skip
 
-sys.path += [str(REPOSITORY / "benches" / name) for name in ("paper", "peers")]
+sys.path.append(str(REPOSITORY / "benches" / "paper"))
 import quick
 
 

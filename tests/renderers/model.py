@@ -4,16 +4,12 @@ The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, a
 model.
 """
 
-import pathlib
 import subprocess
-import sys
 
 import numpy as np
 
+import obj
 import warp
-
-sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "benches" / "peers"))
-import obj  # noqa: E402
 
 # The model's discs, which are rigid: centre and radius within their tile.
 STUDS = {
