@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use crate::asset::derived::Same;
 use crate::asset::results::Results;
 use crate::device::Booked;
-use vrtm_carry::{Bind, Binding, Course, Fit, Pieces, PointState, host_frame};
+use vrtm_carry::{Bind, Binding, Course, Fit, Pieces, PointState, bytes_of_features, host_frame};
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::Grid;
@@ -245,8 +245,7 @@ impl Results {
             let course =
                 Course::estimate(mesh, settings.uv_set as usize, &binding, settings.fit, pieces.is_some());
             let pose = if self.count_carriers(0) > 0 { 0 } else { size_of_val(&*mesh.rest) };
-            let features =
-                ride::bytes_of_features(self.last().solved().flatten().map(|solved| &*solved.grid));
+            let features = bytes_of_features(self.last().solved().flatten().map(|solved| &*solved.grid));
             let most = (bytes + pose) as u64 + features.max(course as u64);
             booked.set(most, "a carrier with its first fetch")?;
             booked.set(bytes as u64, "a carrier")?;

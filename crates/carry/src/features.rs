@@ -4,6 +4,7 @@
 use glam::{DVec2, DVec3};
 
 use vrtm_core::allocation::{Vec, vec};
+use vrtm_core::grid::Grid;
 use vrtm_core::grid::coverage::{NodeMaps, node_maps};
 use vrtm_core::grid::maps::Values;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
@@ -20,6 +21,11 @@ pub const RIGID: f32 = 0.5;
 const WHOLE: f32 = 0.75;
 /// About the most nodes by which the motion of a feature is found: more of them say nothing new of a rigid motion.
 const MOST: usize = 1024;
+
+/// Bytes while features are found on grids: per node coverage, maps, numbers.
+pub fn bytes_of_features<'a>(grids: impl Iterator<Item = &'a Grid>) -> u64 {
+    grids.map(|grid| 32 * (grid.levels[0].nx * grid.levels[0].ny) as u64).sum()
+}
 
 struct TileNodes {
     /// Numbers of nodes along u and v.

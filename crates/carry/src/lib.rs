@@ -19,4 +19,5 @@ mod carried;
 pub use bind::{Bind, Binding, Pieces, PointState};
 pub use carried::{Carriage, Carried, Parts};
 pub use course::{Course, Fit, host_frame};
+pub use features::bytes_of_features;
 pub use tile::Tile;

@@ -32,7 +32,8 @@ pub enum LogCode {
     FacesOutside,
     /// Triangles without UV area are left out. Values: their number.
     TrianglesDegenerate,
-    /// Edges lie together in space and nearly in UV, and are not connected, so that charts end there. Values: their number.
+    /// Edges lie together in space and nearly in UV, and are not connected, so that charts end there. Values: their
+    /// number.
     EdgesApart,
     /// Seams that are no edge of a face do nothing. Values: their number.
     SeamsUnused,

@@ -114,8 +114,9 @@ pub struct AssetInfo {
     /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
     /// Edges whose two sides have the same positions and nearly the same UVs, but are not connected: charts end there.
-    /// Nearly means within four times the tolerance of UVs, and a quarter of the triangles' least height. Either they are deliberate cuts, or the mesh needs [`crate::mesh::WeldBy::Position`], or its UVs are
-    /// noisy compared with the size of its triangles.
+    /// Nearly means within four times the tolerance of UVs, and a quarter of the triangles' least height. Either they
+    /// are deliberate cuts, or the mesh needs [`crate::mesh::WeldBy::Position`], or its UVs are noisy compared with the
+    /// size of its triangles.
     pub edges_apart: u64,
     /// Seams that are not an edge of any face.
     pub seams_unused: u64,

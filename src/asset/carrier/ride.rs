@@ -10,11 +10,10 @@ use super::{Carried, Carrier, Kept, Key};
 use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, TileResult};
 use crate::solved::Solved;
-use vrtm_carry::{Carriage, Course, Parts, Tile};
+use vrtm_carry::{Carriage, Course, Parts, Tile, bytes_of_features};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
-use vrtm_core::grid::Grid;
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
 use vrtm_core::view::{Packed, StridedMut};
@@ -24,11 +23,6 @@ use vrtm_cpu::prefetch::prefetch;
 const CHUNK: usize = 1024;
 /// Points from the one that is written to the one whose place in the host's arrays is asked for: it may be anywhere.
 const AHEAD: usize = 16;
-
-/// Bytes while features are found on grids: per node coverage, maps, numbers.
-pub(super) fn bytes_of_features<'a>(grids: impl Iterator<Item = &'a Grid>) -> u64 {
-    grids.map(|grid| 32 * (grid.levels[0].nx * grid.levels[0].ny) as u64).sum()
-}
 
 impl Carrier {
     /// Makes ready to carry the points into the pose of results, which may not be published yet.

@@ -231,7 +231,7 @@ impl<'a> Welding<'a> {
     /// Counts the edges that nearly coincide but are not connected, as if all vertices were welded by position, and
     /// UVs within several times the tolerance: noise that is too large to be welded is told.
     fn count_apart(&self, set: &UvSet, seams: &Seams, mut room: Vec<f64>, tiles: &mut [TileMesh]) {
-        /// How many times as far as UVs are welded, as far as triangles have room.
+        /// Farthest UVs that count, in tolerances of welding, as far as triangles have room.
         const FARTHER: f64 = 4.0;
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
         let farthest = FARTHER * tolerance.max(UV_TOLERANCE);
@@ -267,8 +267,8 @@ fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
     raw.iter_mut().map(number).collect()
 }
 
-/// Counts edges that nearly coincide but are not connected: intended cuts; edges that a mesh from a game needs welded by
-/// position; and edges whose UVs are too noisy for the size of their triangles.
+/// Counts edges that nearly coincide but are not connected: intended cuts; edges that a mesh from a game needs welded
+/// by position; and edges whose UVs are too noisy for the size of their triangles.
 ///
 /// Returns the number of pairs of border edges of a tile that have the same places (`place` maps a vertex to its place)
 /// and nearly the same UVs, without a third edge there. Edges that the host marked as seams do not count.
