@@ -209,7 +209,8 @@ impl<'a> Strided<'a> {
         let element = &self.bytes[i * self.stride..][..3 * self.scalar.size()];
         // As finite as the positions are.
         let component = |c: usize| {
-            (self.scalar.read(&element[c * self.scalar.size()..]) * self.factor).clamp(f64::MIN, f64::MAX)
+            let value = self.scalar.read(&element[c * self.scalar.size()..]);
+            if value.is_finite() { (value * self.factor).clamp(f64::MIN, f64::MAX) } else { value }
         };
         [component(0), component(1), component(2)]
     }
