@@ -8,9 +8,6 @@ using System.Text;
 using System.Threading;
 using System.Threading.Tasks;
 using static Vrtm.Api;
-#if UNITY_5_3_OR_NEWER
-using MonoPInvokeCallbackAttribute = AOT.MonoPInvokeCallbackAttribute;
-#endif
 
 namespace Vrtm
 {
@@ -25,17 +22,6 @@ namespace Vrtm
             Status = status;
         }
     }
-
-#if !UNITY_5_3_OR_NEWER
-    /// <summary>Marks functions that native code calls, for compilers ahead of time.</summary>
-    [AttributeUsage(AttributeTargets.Method)]
-    internal sealed class MonoPInvokeCallbackAttribute : Attribute
-    {
-        public MonoPInvokeCallbackAttribute(Type type)
-        {
-        }
-    }
-#endif
 
     /// <summary>Receives a line of the log, on any thread: its level, code and values, and its words. Exceptions that
     /// it throws are dropped.</summary>
@@ -62,8 +48,7 @@ namespace Vrtm
             kind == VRTM_FETCH_JACOBIAN ? 4 : kind == VRTM_FETCH_FILTER_SCALE ? 1 : 2;
 
         /// <summary>Numbers of a map: the size of its array.</summary>
-        public static long Length(int kind, int width, int height) =>
-            (long)Channels(kind) * width * height;
+        public static long Length(int kind, int width, int height) => (long)Channels(kind) * width * height;
     }
 
     /// <summary>One solve that runs beside the program's own work. Any thread may use it. `await job` waits for its
@@ -245,8 +230,7 @@ namespace Vrtm
         }
 
         /// <summary>Solves for a pose.</summary>
-        public void Solve(float[] positions, vrtm_solve_options options) =>
-            Redirect(positions, options);
+        public void Solve(float[] positions, vrtm_solve_options options) => Redirect(positions, options);
 
         /// <summary>Solves for a pose and fetches maps, in one call.</summary>
         public void Redirect(float[] positions, vrtm_solve_options options, params Map[] maps)
@@ -472,7 +456,9 @@ namespace Vrtm
             }
         }
 
-        [MonoPInvokeCallback(typeof(vrtm_log_fn))]
+#if UNITY_5_3_OR_NEWER
+        [AOT.MonoPInvokeCallback(typeof(vrtm_log_fn))] // For its compiler ahead of time.
+#endif
         private static void Receive(void* user, vrtm_log_entry* entry)
         {
             try

@@ -138,14 +138,10 @@ namespace UnityEngine
         public bool isReadable = true;
         private ushort[] set;
 
-        public Texture2D(int width, int height)
+        public Texture2D(int width, int height, TextureFormat format = 0, bool mips = true, bool linear = false)
         {
             this.width = width;
             this.height = height;
-        }
-
-        public Texture2D(int width, int height, TextureFormat format, bool mips, bool linear) : this(width, height)
-        {
         }
 
         public Color32[] GetPixels32() => pixels;
