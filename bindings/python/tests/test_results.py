@@ -47,15 +47,6 @@ def test_options_reach_the_library(asset, model):
     asset.tile(1001).freeze(False)
 
 
-def test_a_pose_that_is_only_scaled(asset, model):
-    """Features keep their size, or grow with it."""
-    for scale, moves in (("keep", True), ("follow", False)):
-        report = asset.solve(1.3 * model.rest, scale=scale)
-        assert report.scale == pytest.approx(1.3, rel=1e-5) and 0 <= report.scale_spread < 1e-3
-        assert (np.abs(asset.tile(1001).fetch("redirection_delta")).max() > 1e-3) == moves
-    refused(ValueError, "scale: 'grow' is none of 'keep', 'follow'", asset.solve, model.pose, scale="grow")
-
-
 def energy(asset, model, **options):
     asset.solve(model.pose, **options)
     # Relative to the identity's, since a draft has the energies of a coarser level.
