@@ -1,7 +1,7 @@
 // A sheet of two charts with eight painted discs, in 48 poses: a preview in which the newest pose wins, then each pose
 // exactly, with its map and a stud. README.md says what is printed.
-import { Worker as Thread } from "node:worker_threads";
 import { WorkerAsset } from "../../bindings/web/dist/worker_asset.js";
+import { Thread } from "../../bindings/web/tests/shared.mjs";
 
 const poses = 48, cells = 20, line = cells + 1, texels = 128;
 const radius = 0.15;
@@ -50,19 +50,6 @@ function strain(map, pose) {
   return Math.sqrt(sum / count);
 }
 
-/** A browser's Worker, made of a thread of Node. */
-function worker() {
-  const module = new URL("../../bindings/web/dist/worker.js", import.meta.url);
-  const thread = new Thread(`const { parentPort } = require("node:worker_threads");
-    const postMessage = (data, transfer) => parentPort.postMessage(data, transfer);
-    Object.assign(globalThis, { self: globalThis, postMessage });
-    const loaded = import("${module}");
-    parentPort.on("message", (data) => loaded.then(() => self.onmessage({ data })));`, { eval: true });
-  const own = { postMessage: (data) => thread.postMessage(data), terminate: () => thread.terminate() };
-  thread.on("message", (data) => own.onmessage({ data })).on("error", (error) => own.onerror(error));
-  return own;
-}
-
 const faceCounts = new Uint32Array(2 * cells * cells).fill(4), corners = [], uvs = [];
 for (let k = 0; k < 2 * line ** 2; k++) {
   const i = k % line, j = Math.floor(k / line) % line, chart = Math.floor(k / line ** 2);
@@ -80,7 +67,7 @@ for (let k = 0; k < texels * texels; k++) {
 }
 
 const mesh = { positions: positions(0), faceCounts, indices, uvs: new Float32Array(uvs), uvIndices: indices };
-const asset = await WorkerAsset.create(mesh, { worker: worker(), log: ({ message }) => console.error(message) });
+const asset = await WorkerAsset.create(mesh, { worker: new Thread(), log: ({ message }) => console.error(message) });
 await asset.setRigidity(0, painted, texels, texels);
 await asset.setSettings(0, { grid: 96 });
 

@@ -7,12 +7,12 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { Worker as NodeWorker } from "node:worker_threads";
 import { PNG } from "pngjs";
 
 import { readObj } from "../../../examples/web/src/obj.js";
 import { Asset, AssetMethods, Carrier, VrtmError, load } from "../dist/index.js";
 import { WorkerAsset } from "../dist/worker_asset.js";
+import { Thread, squares } from "./shared.mjs";
 
 const root = fileURLToPath(new URL("../../..", import.meta.url));
 const folder = mkdtempSync(join(tmpdir(), "vrtm-web-"));
@@ -23,30 +23,6 @@ before(async () => {
   await load();
 });
 
-/** A worker as browsers have it, of a thread of Node. */
-class Thread {
-  static all = [];
-  #thread;
-
-  constructor(module = new URL("../dist/worker.js", import.meta.url)) {
-    const start = `const { parentPort } = require("node:worker_threads");
-      const postMessage = (value, transfer) => parentPort.postMessage(value, transfer);
-      Object.assign(globalThis, { self: globalThis, postMessage });
-      import("${module}").then(() => parentPort.on("message", (data) => self.onmessage({ data })));`;
-    this.#thread = new NodeWorker(start, { eval: true });
-    this.#thread.on("message", (data) => this.onmessage({ data }));
-    this.#thread.on("error", ({ message }) => this.onerror({ message }));
-    Thread.all.push(this);
-  }
-
-  postMessage(value) {
-    this.#thread.postMessage(value);
-  }
-
-  terminate() {
-    this.#thread.terminate();
-  }
-}
 after(() => Thread.all.forEach((thread) => thread.terminate()));
 
 /** Both classes: a caller who awaits does not see which one it has. */
@@ -110,20 +86,6 @@ test("maps have the library's bits", () => {
     assert.equal(hash(Buffer.concat(images)), expected, line);
   }
 });
-
-/** Two squares side by side, with a feature in their middle. */
-function squares() {
-  const mesh = {
-    positions: new Float32Array([0, 0, 0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0]),
-    faceCounts: new Uint32Array([4, 4]),
-    indices: new Uint32Array([0, 1, 4, 3, 1, 2, 5, 4]),
-    uvs: new Float32Array([0, 0, 0.5, 0, 1, 0, 0, 1, 0.5, 1, 1, 1]),
-    uvIndices: new Uint32Array([0, 1, 4, 3, 1, 2, 5, 4]),
-  };
-  const values = new Uint8Array(32 * 32).map((_, k) => (k % 32 >= 12 && k % 32 < 20 && k >= 12 * 32 && k < 20 * 32 ? 255 : 0));
-  const pose = mesh.positions.map((x, k) => (k === 3 || k === 12 ? 1.3 : x));
-  return { mesh, values, pose };
-}
 
 both("a feature keeps its shape, and the report says so", async (create) => {
   const { mesh, values, pose } = squares();
