@@ -179,19 +179,10 @@ def test_threads(device, model):
             assert np.array_equal(result, expected)
     with studded(device, model) as asset:
         asset.solve(poses[0])
-        stop = threading.Event()
-
-        def read():
-            while not stop.is_set():
-                found = asset.tile(1001).fetch()
-                assert any(np.array_equal(found, expected) for expected in alone)
-
-        with concurrent.futures.ThreadPoolExecutor(2) as pool:
-            readers = [pool.submit(read) for _ in range(2)]
-            for pose in poses * 2:
-                asset.solve(pose)
-            stop.set()
-            assert [reader.result() for reader in readers] == [None, None]
+        held = Held()
+        with asset.submit(poses[1], progress=held):
+            assert held.begun.wait(60) and np.array_equal(asset.tile(1001).fetch(), alone[0])
+            held.go.set()
 
 
 PRELUDE = """

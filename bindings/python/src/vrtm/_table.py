@@ -18,12 +18,8 @@ def refuse(record: Any, name: str, value: Any) -> NoReturn:
 class Table:
     """A dataclass that shows its fields one below another, with those of records that it holds."""
 
-    def rows(self) -> list[tuple[str, str]]:
-        """The name and the text of each figure, `before.rms` for one of a record within this."""
-        return list(_rows(self, ""))
-
     def __repr__(self) -> str:
-        rows = self.rows()
+        rows = list(_rows(self, ""))
         width = max(len(name) for name, _ in rows)
         return "\n".join([type(self).__name__, *(f"  {name:<{width}}  {value}" for name, value in rows)])
 
