@@ -16,7 +16,7 @@ internal static unsafe class Program
     private static readonly float[] Rest = { 0, 0, 0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0 };
     private static readonly float[] Pose = { 0, 0, 0, 1.3f, 0, 0, 2, 0, 0, 0, 1, 0, 1.3f, 1, 0, 2, 1, 0 };
     private static readonly float[] Uvs = { 0, 0, .5f, 0, 1, 0, 0, 1, .5f, 1, 1, 1 };
-    private static readonly uint[] Corners = { 0, 1, 4, 3, 1, 2, 5, 4 };
+    private static readonly uint[] Corners = { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 };
     private const int Size = 32;
     private static int passed, failed;
 
@@ -51,9 +51,9 @@ internal static unsafe class Program
         public bool IsHeld => held.WaitOne(60000);
     }
 
-    private static Asset Made(Log log = null)
+    private static Asset Made(Log log = null, float[] uvs = null)
     {
-        var asset = new Asset(Rest, new uint[] { 4, 4 }, Corners, Uvs, Corners, log: log);
+        var asset = new Asset(Rest, null, Corners, uvs ?? Uvs, Corners, weldByPosition: true, log: log);
         asset.SetRigidity(1001, Painted, Size, Size);
         return asset;
     }
@@ -262,14 +262,13 @@ internal static unsafe class Program
     private static Vector3[] Points(float[] flat) => Enumerable.Range(0, flat.Length / 3)
         .Select(k => new Vector3 { x = flat[3 * k], y = flat[3 * k + 1], z = flat[3 * k + 2] }).ToArray();
 
-    private static readonly int[] Triangles = { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 };
-
     /// <summary>A component that has started, beside a renderer whose transform has a scale.</summary>
     private static VrtmSkin Started(float scale, Texture2D rigidity, float[] uvs = null)
     {
         uvs = uvs ?? Uvs;
         var uv = Enumerable.Range(0, 6).Select(k => new Vector2 { x = uvs[2 * k], y = uvs[2 * k + 1] });
-        var mesh = new Mesh { vertices = Points(Rest), uv = uv.ToArray(), triangles = Triangles };
+        var triangles = Array.ConvertAll(Corners, corner => (int)corner);
+        var mesh = new Mesh { vertices = Points(Rest), uv = uv.ToArray(), triangles = triangles };
         var skinned = new SkinnedMeshRenderer { sharedMesh = mesh, posed = Points(Pose), scale = scale };
         var component =
             new VrtmSkin { name = "Sheet", skinned = skinned, rigidity = rigidity, size = Size, draft = false };
@@ -284,10 +283,8 @@ internal static unsafe class Program
     {
         var options = vrtm_solve_options.Init();
         options.scale = scale;
-        var corners = Array.ConvertAll(Triangles, corner => (uint)corner);
-        using (var asset = new Asset(Rest, null, corners, uvs ?? Uvs, corners, weldByPosition: true))
+        using (var asset = Made(uvs: uvs))
         {
-            asset.SetRigidity(1001, Painted, Size, Size);
             asset.Solve(pose, options);
             var delta = new ushort[2 * Size * Size];
             asset.FetchDelta(1001, delta, Size, Size);

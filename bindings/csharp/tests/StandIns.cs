@@ -5,7 +5,6 @@ using System.Collections.Generic;
 
 namespace AOT
 {
-    [AttributeUsage(AttributeTargets.Method)]
     public sealed class MonoPInvokeCallbackAttribute : Attribute
     {
         public MonoPInvokeCallbackAttribute(Type type)
@@ -41,7 +40,6 @@ namespace UnityEngine
         Clamp,
     }
 
-    [AttributeUsage(AttributeTargets.Class)]
     public sealed class RequireComponentAttribute : Attribute
     {
         public RequireComponentAttribute(Type type)
@@ -49,7 +47,6 @@ namespace UnityEngine
         }
     }
 
-    [AttributeUsage(AttributeTargets.Field)]
     public sealed class TooltipAttribute : Attribute
     {
         public TooltipAttribute(string tooltip)

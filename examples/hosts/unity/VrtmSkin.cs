@@ -54,57 +54,53 @@ public sealed class VrtmSkin : MonoBehaviour
     {
         try
         {
-            Begin();
+            skin = GetComponent<SkinnedMeshRenderer>();
+            var mesh = skin.sharedMesh;
+            if (mesh == null || !mesh.isReadable)
+            {
+                throw new ArgumentException("the mesh cannot be read: turn on Read/Write where it is imported");
+            }
+            if (rigidity == null || !rigidity.isReadable)
+            {
+                throw new ArgumentException(
+                    "rigidity cannot be read: set it, and turn on Read/Write where it is imported");
+            }
+            mesh.GetVertices(points);
+            positions = new float[3 * points.Count];
+            Flatten();
+            var uvs = mesh.uv;
+            var flat = new float[2 * uvs.Length];
+            for (var k = 0; k < uvs.Length; k++)
+            {
+                flat[2 * k] = uvs[k].x;
+                flat[2 * k + 1] = uvs[k].y;
+            }
+            var corners = Array.ConvertAll(mesh.triangles, corner => (uint)corner);
+            var label = $"vrtm, {name}: ";
+            // Unity splits vertices along seams and hard edges.
+            asset = new Vrtm.Asset(positions, null, corners, flat, corners, weldByPosition: true, gpu: true,
+                log: (entry, message) =>
+                {
+                    if (entry.level == VRTM_LOG_LEVEL_WARNING)
+                    {
+                        Debug.LogWarning(label + message);
+                    }
+                });
+            asset.SetRigidity(Tile, Red(rigidity), rigidity.width, rigidity.height);
+            halves = new ushort[2 * size * size];
+            delta = new Texture2D(size, size, TextureFormat.RGHalf, false, true) { wrapMode = TextureWrapMode.Clamp };
+            Upload();
+            pose = new Mesh();
+            last = new Mesh();
+            next = new Mesh();
+            (shown != null ? shown.GetComponent<Renderer>() : skin).material.SetTexture("_VrtmDelta", delta);
+            worker = new Thread(Work) { IsBackground = true, Name = "vrtm" };
+            worker.Start();
         }
         catch (Exception error)
         {
             Fail(error);
         }
-    }
-
-    private void Begin()
-    {
-        skin = GetComponent<SkinnedMeshRenderer>();
-        var mesh = skin.sharedMesh;
-        if (mesh == null || !mesh.isReadable)
-        {
-            throw new ArgumentException("the mesh cannot be read: turn on Read/Write where it is imported");
-        }
-        if (rigidity == null || !rigidity.isReadable)
-        {
-            throw new ArgumentException("rigidity cannot be read: set it, and turn on Read/Write where it is imported");
-        }
-        mesh.GetVertices(points);
-        positions = new float[3 * points.Count];
-        Flatten();
-        var uvs = mesh.uv;
-        var flat = new float[2 * uvs.Length];
-        for (var k = 0; k < uvs.Length; k++)
-        {
-            flat[2 * k] = uvs[k].x;
-            flat[2 * k + 1] = uvs[k].y;
-        }
-        var corners = Array.ConvertAll(mesh.triangles, corner => (uint)corner);
-        var label = $"vrtm, {name}: ";
-        // Unity splits vertices along seams and hard edges.
-        asset = new Vrtm.Asset(positions, null, corners, flat, corners, weldByPosition: true, gpu: true,
-            log: (entry, message) =>
-            {
-                if (entry.level == VRTM_LOG_LEVEL_WARNING)
-                {
-                    Debug.LogWarning(label + message);
-                }
-            });
-        asset.SetRigidity(Tile, Red(rigidity), rigidity.width, rigidity.height);
-        halves = new ushort[2 * size * size];
-        delta = new Texture2D(size, size, TextureFormat.RGHalf, false, true) { wrapMode = TextureWrapMode.Clamp };
-        Upload();
-        pose = new Mesh();
-        last = new Mesh();
-        next = new Mesh();
-        (shown != null ? shown.GetComponent<Renderer>() : skin).material.SetTexture("_VrtmDelta", delta);
-        worker = new Thread(Work) { IsBackground = true, Name = "vrtm" };
-        worker.Start();
     }
 
     private void LateUpdate()
