@@ -81,22 +81,6 @@ def test_busy_and_cancel(asset, model):
     asset.solve(model.pose)
 
 
-def test_await(device, model):
-    poses = [model.rest + (model.pose - model.rest) * k for k in (0.3, 0.6, 1.0)]
-
-    async def all_of_them(assets):
-        return await asyncio.gather(*(asset.submit(pose) for asset, pose in zip(assets, poses)))
-
-    assets = [studded(device, model) for _ in poses]
-    for asset, pose, report in zip(assets, poses, asyncio.run(all_of_them(assets))):
-        assert report.ms_total > 0
-        result = asset.tile(1001).fetch()
-        asset.solve(pose)
-        assert np.array_equal(asset.tile(1001).fetch(), result)
-    for asset in assets:
-        asset.close()
-
-
 def test_a_cancelled_task_leaves_the_asset_free(asset, model):
     """Its end is the job's end: the next solve does not find the asset busy."""
 
