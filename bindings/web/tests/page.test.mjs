@@ -3,13 +3,13 @@
 import assert from "node:assert/strict";
 import { existsSync, readFileSync } from "node:fs";
 import { createServer } from "node:http";
-import { extname, join } from "node:path";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { PNG } from "pngjs";
 import puppeteer from "puppeteer-core";
 
-const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".png": "image/png" };
+const TYPES = { js: "text/javascript", css: "text/css", wasm: "application/wasm", png: "image/png" };
 
 /** A server of a folder's files, and its address. */
 async function serve(folder) {
@@ -17,7 +17,7 @@ async function serve(folder) {
     const { pathname } = new URL(request.url, "http://localhost");
     try {
       const bytes = readFileSync(join(folder, pathname === "/" ? "index.html" : pathname));
-      response.writeHead(200, { "content-type": TYPES[extname(pathname || ".html")] ?? "text/html" }).end(bytes);
+      response.writeHead(200, { "content-type": TYPES[pathname.split(".").at(-1)] ?? "text/html" }).end(bytes);
     } catch {
       response.writeHead(404).end();
     }
