@@ -267,24 +267,13 @@ namespace Vrtm
 
         /// <summary>Writes a tile's redirection minus the texel's own UV, the bits of two half floats per texel, first
         /// row at v = 0 as Unity's and OpenGL's textures have it: a texture of 16-bit floats.</summary>
-        public void FetchDelta(uint udim, ushort[] halves, int width, int height)
-        {
-            CheckSize("halves", halves, 2, width, height);
-            one[0] = new Map { Udim = udim, Kind = VRTM_FETCH_REDIRECTION_DELTA, Values = halves, Width = width };
-            one[0].Height = height;
-            one[0].FromBottom = true;
-            Fetch(one);
-        }
+        public void FetchDelta(uint udim, ushort[] halves, int width, int height) =>
+            FetchOne("halves", udim, VRTM_FETCH_REDIRECTION_DELTA, halves, width, height, true);
 
         /// <summary>Writes a tile's redirection: the UV at which the texture is to be looked up, first row at
         /// v = 1.</summary>
-        public void FetchRedirection(uint udim, float[] uvs, int width, int height)
-        {
-            CheckSize("uvs", uvs, 2, width, height);
-            one[0] = new Map { Udim = udim, Kind = VRTM_FETCH_REDIRECTION, Values = uvs, Width = width };
-            one[0].Height = height;
-            Fetch(one);
-        }
+        public void FetchRedirection(uint udim, float[] uvs, int width, int height) =>
+            FetchOne("uvs", udim, VRTM_FETCH_REDIRECTION, uvs, width, height, false);
 
         /// <summary>Writes the redirected UV of every corner of the mesh, two numbers each, for programs that set UVs
         /// instead of reading a map. Info.corners is their number.</summary>
@@ -417,6 +406,14 @@ namespace Vrtm
                 }
                 GC.KeepAlive(this); // Its finalizer would cancel the solve.
             }
+        }
+
+        private void FetchOne(string name, uint udim, int kind, Array values, int width, int height, bool fromBottom)
+        {
+            CheckSize(name, values, 2, width, height);
+            one[0] = new Map { Udim = udim, Kind = kind, Values = values, Width = width, Height = height };
+            one[0].FromBottom = fromBottom;
+            Fetch(one);
         }
 
         private void CheckPose(float[] positions)

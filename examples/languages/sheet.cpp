@@ -5,8 +5,6 @@
 #include <cmath>
 #include <cstdio>
 
-namespace {
-
 constexpr int poses = 48, cells = 20, line = cells + 1, texels = 128;
 constexpr double radius = 0.15;
 
@@ -14,33 +12,33 @@ struct Point {
     double x, y, z;
 };
 
-double distance(Point a, Point b)
+static double distance(Point a, Point b)
 {
     return std::sqrt((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y) + (a.z - b.z) * (a.z - b.z));
 }
 
 // The place on the sheet at rest, of 2 x 1, that has a UV: each half is a chart.
-Point at_rest(double u, double v)
+static Point at_rest(double u, double v)
 {
     const int chart = u < 0.5 ? 0 : 1;
     return {chart + (u - 0.04 - 0.48 * chart) / 0.44, (v - 0.28) / 0.44, 0};
 }
 
-Point posed(Point p, int pose)
+static Point posed(Point p, int pose)
 {
     const double s = pose / (poses - 1.0);
     return {p.x + 0.15 * s * p.x * (p.x - 1), p.y - 0.2 * s * p.x * p.y * (1 - p.y), 0.3 * s * p.x * (2 - p.x)};
 }
 
 // True within so many units from the centre of the nearest of the four discs of a chart.
-bool in_disc(double u, double v, double within)
+static bool in_disc(double u, double v, double within)
 {
     const Point p = at_rest(u, v);
     const double x = std::abs(p.x - (u < 0.5 ? 0 : 1) - 0.5) - 0.25, y = std::abs(p.y - 0.5) - 0.25;
     return x * x + y * y < within * within;
 }
 
-std::vector<float> positions(int pose)
+static std::vector<float> positions(int pose)
 {
     std::vector<float> all;
     for (int k = 0; k < 2 * line * line; ++k) {
@@ -51,7 +49,7 @@ std::vector<float> positions(int pose)
 }
 
 // The RMS strain of the discs: lengths between neighbouring texels in the pose, over those of what they show.
-double strain(const std::vector<float> &map, int pose)
+static double strain(const std::vector<float> &map, int pose)
 {
     double sum = 0, step = 1.0 / texels;
     int count = 0;
@@ -71,8 +69,6 @@ double strain(const std::vector<float> &map, int pose)
     }
     return std::sqrt(sum / count);
 }
-
-} // namespace
 
 int main()
 {
@@ -141,5 +137,4 @@ int main()
                         shown[0], shown[1], tip.x, tip.y, tip.z, distance(tip, rim));
         }
     }
-    return 0;
 }
