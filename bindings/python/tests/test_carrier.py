@@ -10,7 +10,7 @@ GRID = [(x, y) for x in (0.2, 0.4, 0.6) for y in (0.3, 0.5, 0.7)]
 
 def test_points_go_with_the_surface(asset, model):
     with asset.carrier(GRID, heights=np.full(9, 0.1), fit="surface") as carrier:
-        assert len(carrier) == 9 and not carrier.states().any()
+        assert carrier.info.points == 9 and not carrier.states().any()
         refused(vrtm.NotSolvedError, "", carrier.fetch)
         asset.solve(model.rest)
         rest = carrier.fetch("positions", "rotations", "stretch", "uvs", dtype=np.float64)

@@ -82,9 +82,6 @@ class Carrier(Owned):
         """Numbers of points, also of those that could not be bound, and what the last fetch found."""
         return told(CarrierInfo, library.vrtm_carrier_get_info, self._handle)
 
-    def __len__(self) -> int:
-        return self.info.points
-
     def states(self) -> NDArray[np.int32]:
         """Binding of each point, (points,): 0 on a chart; 1 outside of all charts, 2 in folded UVs, 3 too far from the
         surface. Points of states 1 to 3 move with the surface alone."""
