@@ -6,6 +6,7 @@
 //     fixed4 colour = tex2Dgrad(_MainTex, redirected, ddx(redirected), ddy(redirected));
 using System;
 using System.Collections.Generic;
+using System.Linq;
 using System.Threading;
 using UnityEngine;
 using static Vrtm.Api;
@@ -68,17 +69,11 @@ public sealed class VrtmSkin : MonoBehaviour
             mesh.GetVertices(points);
             positions = new float[3 * points.Count];
             Flatten();
-            var uvs = mesh.uv;
-            var flat = new float[2 * uvs.Length];
-            for (var k = 0; k < uvs.Length; k++)
-            {
-                flat[2 * k] = uvs[k].x;
-                flat[2 * k + 1] = uvs[k].y;
-            }
+            var uvs = mesh.uv.SelectMany(uv => new[] { uv.x, uv.y }).ToArray();
             var corners = Array.ConvertAll(mesh.triangles, corner => (uint)corner);
             var label = $"vrtm, {name}: ";
             // Unity splits vertices along seams and hard edges.
-            asset = new Vrtm.Asset(positions, null, corners, flat, corners, weldByPosition: true, gpu: true,
+            asset = new Vrtm.Asset(positions, null, corners, uvs, corners, weldByPosition: true, gpu: true,
                 log: (entry, message) =>
                 {
                     if (entry.level == VRTM_LOG_LEVEL_WARNING)
