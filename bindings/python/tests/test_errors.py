@@ -41,6 +41,7 @@ def test_mesh(device, model):
     )
     refused(ValueError, r"weld: 'maybe' is none of 'index', 'position', 'off'", make, weld="maybe")
     refused(ValueError, r"seams: has the shape", make, seams=[1, 2, 3])
+    refused(ValueError, "max_layers: -1", make, max_layers=-1)
     # Corners by columns would be other faces.
     turned = model.faces.T
     refused(ValueError, r"indices: has the shape \(4, 256\), not \(faces, n\)", make, faces=turned, uv_indices=turned)

@@ -155,13 +155,3 @@ def test_uvs_of_another_set():
     redirected = tile.fetch("redirection", 128, channels=4)
     expected = (redirected[..., :2] * [2, 1])[:, :64]
     assert np.abs(other[:, :64] - expected)[redirected[:, :64, 3] > 0].max() < 1e-5
-
-
-def test_layers_and_sets_that_are_not_there_are_named():
-    asset, _, pose = halves(8)
-    refused(vrtm.InvalidArgumentError, "layer is 2, but tile 1001 has 2", asset.tile, 1001, layer=2)
-    refused(vrtm.InvalidArgumentError, "uv_set", asset.face_layers, 2)
-    asset.solve(pose)
-    refused(vrtm.InvalidArgumentError, r"fetches\[0\]\.uv_set is 2", asset.tile(1001, 1).fetch, "uv_set", 16, uv_set=2)
-    refused(vrtm.InvalidArgumentError, r"fetches\[0\]\.uv_set is 1", asset.tile(1001, 1).fetch, size=16, uv_set=1)
-    refused((ValueError, TypeError), "max_layers", halves, -1)
