@@ -344,6 +344,10 @@ static void before_a_solve(void)
     fails("corner uvs before solve", vrtm_asset_fetch_corner_uvs(asset, 0, uvs, CORNERS), VRTM_ERROR_NOT_SOLVED, "");
     fails("tile report before solve", vrtm_tile_get_report(tile, &report), VRTM_ERROR_NOT_SOLVED, "");
     fails("asset report before solve", vrtm_asset_get_report(asset, &whole), VRTM_ERROR_NOT_SOLVED, "");
+    vrtm_map_desc desc = vrtm_map_desc_init();
+    vrtm_map_info info = vrtm_map_info_init();
+    desc.width = desc.height = MAP;
+    fails("a map before solve", vrtm_tile_inspect_map(tile, &desc, &info), VRTM_ERROR_NOT_SOLVED, "solve");
     check_that(memcmp(map, before, sizeof map) == 0 && memcmp(uvs, map, sizeof uvs / 2) == 0 && report.udim == 0 &&
                    whole.tiles == 0,
                "nothing was written", "");
@@ -360,6 +364,65 @@ static void bad_fetch(const char *name, vrtm_fetch_kind kind, const vrtm_image_o
             break;
         }
     }
+}
+
+static void bad_dilation(const char *name, double reach, const vrtm_image_out *image, const char *text)
+{
+    fails(name, vrtm_tile_fetch_dilation(tile, reach, image), BAD, text);
+}
+
+static void bad_look(const char *name, const vrtm_map_desc *desc, vrtm_status status, const char *text)
+{
+    vrtm_map_info info = vrtm_map_info_init();
+    fails(name, vrtm_tile_inspect_map(tile, desc, &info), status, text);
+}
+
+static void maps_to_come(void)
+{
+    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_map_desc desc = vrtm_map_desc_init();
+    image.data = map;
+    image.width = image.height = MAP / 2;
+    image.channels = 4;
+    bad_dilation("no reach", 0, &image, "reach: 0");
+    bad_dilation("too far", 0.75, &image, "reach: 0.75");
+    bad_dilation("nowhere", 0.1, NULL, "image is null");
+    WITH(uint32_t, image.channels, 1, bad_dilation("one channel of it", 0.1, &image, "2 to 4"));
+
+    desc.width = desc.height = MAP;
+    bad_look("no desc", NULL, BAD, "desc is null");
+    WITH(vrtm_fetch_kind, desc.kind, VRTM_FETCH_WARP, bad_look("no redirection", &desc, BAD, "kind"));
+    WITH(vrtm_pixel_format, desc.format, VRTM_PIXEL_U8,
+         bad_look("an integer format", &desc, VRTM_ERROR_UNSUPPORTED, "format"));
+    WITH(vrtm_pixel_format, desc.format, 9, bad_look("no format", &desc, BAD, "desc.format is 9"));
+    WITH(uint32_t, desc.height, 0, bad_look("no rows", &desc, BAD, "size"));
+    WITH(uint32_t, desc.height, 20000, bad_look("too many rows", &desc, BAD, "16384"));
+    fails("no place for what it says", vrtm_tile_inspect_map(tile, &desc, NULL), BAD, "info is null");
+    WITH(vrtm_tile, tile, (vrtm_tile){0}, bad_look("a map of tile zero", &desc, GONE, "tile"));
+}
+
+static void prepared_tiles(void)
+{
+    const vrtm_image rigidity = sheet_rigidity(&s);
+    vrtm_tile_estimate needs = vrtm_tile_estimate_init();
+    size_t size = 0, again = 0;
+    fails("no place for an estimate", vrtm_tile_get_estimate(tile, NULL), BAD, "estimate is null");
+    fails("an estimate of tile zero", vrtm_tile_get_estimate((vrtm_tile){0}, &needs), GONE, "tile");
+    fails("a stroke beside the map", vrtm_tile_update_rigidity(tile, &rigidity, MAP - 1, 0, 2, 1), BAD, "2x1");
+    fails("null is no stroke", vrtm_tile_update_rigidity(tile, NULL, 0, 0, 1, 1), BAD, "rigidity is null");
+    succeeds("the size of a tile", vrtm_tile_save(tile, NULL, 0, &size));
+    unsigned char *data = malloc(size);
+    fails("a byte too few", vrtm_tile_save(tile, data, size - 1, &again), BAD, "capacity");
+    check_that(size > 0 && again == 0, "nothing was written", "");
+    fails("no place for the size", vrtm_tile_save(tile, data, size, NULL), BAD, "size is null");
+    succeeds("a tile is saved", vrtm_tile_save(tile, data, size, &again));
+    check_that(again == size, "in as many bytes", "");
+    WITH(unsigned char, data[size / 2], data[size / 2] ^ 1,
+         fails("damaged bytes", vrtm_tile_load(tile, data, size), BAD, "damaged"));
+    fails("a few bytes", vrtm_tile_load(tile, data, 10), BAD, "data");
+    fails("no bytes", vrtm_tile_load(tile, NULL, size), BAD, "data is null");
+    succeeds("a tile is loaded", vrtm_tile_load(tile, data, size));
+    free(data);
 }
 
 static void solves_and_fetches(void)
@@ -434,6 +497,15 @@ static void solves_and_fetches(void)
          bad_fetch("an 8-bit output", redirection, &image, VRTM_ERROR_UNSUPPORTED, "image.format"));
     WITH(vrtm_pixel_format, image.format, 8,
          bad_fetch("pixel format 8", redirection, &image, BAD, "image.format is 8"));
+    const vrtm_fetch_kind warp = VRTM_FETCH_WARP;
+    WITH(uint32_t, image.channels, 5, bad_fetch("five channels", redirection, &image, BAD, "image: 5 channels"));
+    WITH(uint32_t, image.channels, 1, bad_fetch("one channel", redirection, &image, BAD, "2 to 4"));
+    WITH(uint32_t, image.channels, 2, bad_fetch("half", VRTM_FETCH_JACOBIAN, &image, BAD, "its kind has 4"));
+    WITH(uint32_t, image.channels, 4, bad_fetch("a warp has no coverage", warp, &image, BAD, "2 to 3"));
+    image.channels = 4;
+    WITH(size_t, image.pixel_stride, 12, bad_fetch("four for three", redirection, &image, BAD, "pixel_stride"));
+    image.channels = 0;
+    fails("a part beside the whole", fetch_rectangle(tile, warp, &image, MAP - 7, 0, MAP, MAP), BAD, "image");
     fails("a corner too few", vrtm_asset_fetch_corner_uvs(asset, 0, uvs, CORNERS - 1), BAD, "count is 575");
     fails("no place for corner uvs", vrtm_asset_fetch_corner_uvs(asset, 0, NULL, CORNERS), BAD, "uvs is null");
     fails("no place for the report", vrtm_tile_get_report(tile, NULL), BAD, "report is null");
@@ -473,6 +545,8 @@ static void solves_and_fetches(void)
     }
     check_that(kept, "no image was written", "");
     succeeds("its end", vrtm_asset_destroy(second));
+    maps_to_come();
+    prepared_tiles();
 
     succeeds("fetch after all that", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     check_that(memcmp(map, before, sizeof map) == 0, "the last good result is still there", "");

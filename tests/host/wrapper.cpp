@@ -210,14 +210,18 @@ void images(const vrtm::Device &device)
     const vrtm::Result<vrtm_map_info> looked_at =
         tile.inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16));
     works("looks at a map", looked_at);
-    check_that(looked_at->folds == 0 && looked_at->error_rms > 0, "its figures", "");
+    check_that(looked_at->folds == 0 && looked_at->min_jacobian > 0 && looked_at->sufficient_width == MAP &&
+                   looked_at->error_rms > 0 && looked_at->error_rms <= looked_at->error_p99 &&
+                   looked_at->error_p99 <= looked_at->error_max && looked_at->error_max < 1.0 / MAP,
+               "its figures", "");
     refuses("no map", tile.inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
     works("fetch a part",
           tile.fetch_part(vrtm::FetchKind::redirection, {texel, 1, 1}, 21, 40, MAP, MAP));
     const float texel_s_side = 1 / float(MAP);
     Map beside(2 * MAP * MAP);
     works("fetch a dilation", tile.fetch_dilation(1.0 / 16, {beside, MAP, MAP}));
-    check_that(beside[0] > 0 && beside[0] < texel_s_side, "its first texel keeps its place", "");
+    check_that(beside[0] > 0 && beside[0] < texel_s_side && beside[1] < 1 && beside[1] > 1 - texel_s_side,
+               "its first texel keeps its place", "");
     refuses("a dilation without reach", tile.fetch_dilation(0, {beside, MAP, MAP}), vrtm::Code::invalid_argument,
             "reach");
     refuses("memory of a GPU on the CPU",
@@ -680,10 +684,10 @@ void options(const vrtm::Device &device, const Map &expected)
     draft.set(vrtm::Quality::draft).set(vrtm::Solver::pbd).pbd.iterations = 1;
     check_that(draft.quality == VRTM_QUALITY_DRAFT && draft.solver == VRTM_SOLVER_PBD, "quality and solver", "");
     works("the paper's solver", asset.solve({pose, VERTICES}, draft));
-    draft.set(vrtm::Scale::follow).replace = 1;
-    check_that(draft.c().replace == 1 && draft.c().scale == VRTM_SCALE_FOLLOW, "newest pose and scale", "");
     draft.pbd.damping = 2;
     refuses("a wrong option", asset.solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "damping");
+    draft.set(vrtm::Scale::follow).replace = 1;
+    check_that(draft.c().replace == 1 && draft.c().scale == VRTM_SCALE_FOLLOW, "newest pose and scale", "");
 }
 
 void refinements(const vrtm::Device &device)

@@ -20,7 +20,7 @@ macro_rules! hosts {
 }
 
 hosts! {
-    misuse: "misuse.c", 150;
+    misuse: "misuse.c", 250;
     mesh: "mesh.c", 40;
     layers: "layers.c", 40;
     float_mode: "float_mode.c", 26;
@@ -29,8 +29,6 @@ hosts! {
     jobs_on_a_host_s_threads: "job_threads.c", 35;
     refinements: "refine.c", 60;
     carriers: "carry.c", 45;
-    a_c_host_estimates_saves_and_repaints_tiles: "prepare.c", 40;
-    a_host_fetches_all_kinds_of_maps: "maps.c", 37;
     #[cfg(unix)]
     forks_signals_and_small_stacks_do_no_harm: "process.c", 30;
     // The header says which stack a caller needs.

@@ -2,7 +2,6 @@
 
 host tests/host/mesh.c 40
 host tests/host/layers.c 40
-host tests/host/maps.c 37
 host tests/host/refine.c 60
 host tests/host/job_threads.c 35
 
