@@ -73,7 +73,7 @@ done
 
 # Not those that measure memory or give the library small stacks, since a sanitizer needs more of both, nor the one that
 # unloads the library, which a sanitizer keeps.
-for host in smoke.c misuse.c mesh.c layers.c float_mode.c job.c refine.c carry.c farm.cpp; do
+for host in smoke.c misuse.c mesh.c float_mode.c job.c refine.c carry.c farm.cpp; do
     name=${host%.*}
     good=0
     build "tests/host/$host" "$hosts/$name" && run "$hosts/$name" && good=1

@@ -21,8 +21,7 @@ macro_rules! hosts {
 
 hosts! {
     misuse: "misuse.c", 250;
-    mesh: "mesh.c", 40;
-    layers: "layers.c", 40;
+    mesh: "mesh.c", 88;
     float_mode: "float_mode.c", 26;
     #[cfg(any(target_os = "linux", windows))] // It counts the process's threads, as the system tells them.
     jobs: "job.c", 90;

@@ -1,7 +1,6 @@
 # The rest of the hosts, and what takes long. run.sh reads this file.
 
-host tests/host/mesh.c 40
-host tests/host/layers.c 40
+host tests/host/mesh.c 88
 host tests/host/refine.c 60
 host tests/host/job_threads.c 35
 
