@@ -44,12 +44,12 @@ static void misuse(int backend)
     vrtm_device device;
     desc.backend = backend;
     desc.allocator = &allocator;
-    fails("an allocator needs alloc", vrtm_device_create(&desc, &device), VRTM_ERROR_INVALID_ARGUMENT, "desc.allocator.alloc is null");
+    fails("an allocator needs alloc", vrtm_device_create(&desc, &device), BAD, "desc.allocator.alloc is null");
     allocator.alloc = host_alloc;
-    fails("an allocator needs free", vrtm_device_create(&desc, &device), VRTM_ERROR_INVALID_ARGUMENT, "desc.allocator.free is null");
+    fails("an allocator needs free", vrtm_device_create(&desc, &device), BAD, "desc.allocator.free is null");
     allocator.free = host_free;
     allocator.struct_size = 4;
-    fails("an allocator has a size", vrtm_device_create(&desc, &device), VRTM_ERROR_INVALID_ARGUMENT, "desc.allocator.struct_size");
+    fails("an allocator has a size", vrtm_device_create(&desc, &device), BAD, "desc.allocator.struct_size");
 }
 
 /* Counts and sizes whose product is beyond all memory are refused before anything is computed from them. */

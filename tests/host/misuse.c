@@ -6,9 +6,6 @@
 
 #include "check.h"
 
-#define BAD VRTM_ERROR_INVALID_ARGUMENT
-#define GONE VRTM_ERROR_INVALID_HANDLE
-
 /* Sets `field` during the step. */
 #define WITH(type, field, value, step)   \
     do {                                 \

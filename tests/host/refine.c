@@ -111,34 +111,33 @@ static void wrong_arguments(vrtm_asset asset, vrtm_refinement refinement)
     vrtm_refinement_pattern pattern = vrtm_refinement_pattern_init();
     float pair[2];
     none.id = 0;
-    fails("no place", vrtm_refinement_create(asset, NULL, NULL), VRTM_ERROR_INVALID_ARGUMENT, "refinement is null");
+    fails("no place", vrtm_refinement_create(asset, NULL, NULL), BAD, "refinement is null");
     desc.uv_set = 1;
-    fails("no such UV set", vrtm_refinement_create(asset, &desc, &made), VRTM_ERROR_INVALID_ARGUMENT, "uv_set: 1");
+    fails("no such UV set", vrtm_refinement_create(asset, &desc, &made), BAD, "uv_set: 1");
     desc.uv_set = 0, desc.tolerance = -1;
-    fails("a wrong tolerance", vrtm_refinement_create(asset, &desc, &made), VRTM_ERROR_INVALID_ARGUMENT, "tolerance: -1");
+    fails("a wrong tolerance", vrtm_refinement_create(asset, &desc, &made), BAD, "tolerance: -1");
     desc.tolerance = NAN;
-    fails("no tolerance", vrtm_refinement_create(asset, &desc, &made), VRTM_ERROR_INVALID_ARGUMENT, "tolerance: NaN");
+    fails("no tolerance", vrtm_refinement_create(asset, &desc, &made), BAD, "tolerance: NaN");
     desc.struct_size = 3;
-    fails("no struct", vrtm_refinement_create(asset, &desc, &made), VRTM_ERROR_INVALID_ARGUMENT, "desc.struct_size");
+    fails("no struct", vrtm_refinement_create(asset, &desc, &made), BAD, "desc.struct_size");
     check_that(made.id == 7, "nothing is written", "");
     made.id = asset.id;
-    fails("zero", vrtm_refinement_get_info(none, &data), VRTM_ERROR_INVALID_HANDLE, "refinement: the handle is zero");
-    fails("another kind", vrtm_refinement_get_info(made, &data), VRTM_ERROR_INVALID_HANDLE, "is no living refinement");
-    fails("extend it", vrtm_refinement_extend(made), VRTM_ERROR_INVALID_HANDLE, "is no living refinement");
-    fails("its UVs", vrtm_refinement_fetch_corner_uvs(made, pair, 1), VRTM_ERROR_INVALID_HANDLE, "refinement");
-    fails("its pattern", vrtm_refinement_fetch_pattern(made, &pattern), VRTM_ERROR_INVALID_HANDLE, "refinement");
-    fails("end it", vrtm_refinement_destroy(made), VRTM_ERROR_INVALID_HANDLE, "refinement");
-    fails("no data", vrtm_refinement_get_info(refinement, NULL), VRTM_ERROR_INVALID_ARGUMENT, "info is null");
-    fails("no pattern", vrtm_refinement_fetch_pattern(refinement, NULL), VRTM_ERROR_INVALID_ARGUMENT, "pattern is null");
-    fails("no room", vrtm_refinement_fetch_corner_uvs(refinement, pair, 1), VRTM_ERROR_INVALID_ARGUMENT, "count is 1");
+    fails("zero", vrtm_refinement_get_info(none, &data), GONE, "refinement: the handle is zero");
+    fails("another kind", vrtm_refinement_get_info(made, &data), GONE, "is no living refinement");
+    fails("extend it", vrtm_refinement_extend(made), GONE, "is no living refinement");
+    fails("its UVs", vrtm_refinement_fetch_corner_uvs(made, pair, 1), GONE, "refinement");
+    fails("its pattern", vrtm_refinement_fetch_pattern(made, &pattern), GONE, "refinement");
+    fails("end it", vrtm_refinement_destroy(made), GONE, "refinement");
+    fails("no data", vrtm_refinement_get_info(refinement, NULL), BAD, "info is null");
+    fails("no pattern", vrtm_refinement_fetch_pattern(refinement, NULL), BAD, "pattern is null");
+    fails("no room", vrtm_refinement_fetch_corner_uvs(refinement, pair, 1), BAD, "count is 1");
     succeeds("sizes", vrtm_refinement_get_info(refinement, &data));
-    fails("no array", vrtm_refinement_fetch_corner_uvs(refinement, NULL, (size_t)data.corners),
-          VRTM_ERROR_INVALID_ARGUMENT, "uvs is null");
-    fails("no counts", vrtm_refinement_fetch_pattern(refinement, &pattern), VRTM_ERROR_INVALID_ARGUMENT, "vertex_count is 0");
+    fails("no array", vrtm_refinement_fetch_corner_uvs(refinement, NULL, (size_t)data.corners), BAD, "uvs is null");
+    fails("no counts", vrtm_refinement_fetch_pattern(refinement, &pattern), BAD, "vertex_count is 0");
     pattern.vertex_count = (size_t)data.vertices;
     pattern.face_count = (size_t)data.faces + 1;
     pattern.corner_count = (size_t)data.corners;
-    fails("a face more", vrtm_refinement_fetch_pattern(refinement, &pattern), VRTM_ERROR_INVALID_ARGUMENT, "face_count");
+    fails("a face more", vrtm_refinement_fetch_pattern(refinement, &pattern), BAD, "face_count");
     pattern.face_count = (size_t)data.faces;
     succeeds("nothing wanted", vrtm_refinement_fetch_pattern(refinement, &pattern));
     uint32_t *faces = room(2 * pattern.face_count, sizeof *faces);
@@ -147,7 +146,7 @@ static void wrong_arguments(vrtm_asset asset, vrtm_refinement refinement)
     succeeds("two arrays side by side", vrtm_refinement_fetch_pattern(refinement, &pattern));
     pattern.face_corners -= 1;
     faces[0] = 12345;
-    fails("that overlap", vrtm_refinement_fetch_pattern(refinement, &pattern), VRTM_ERROR_INVALID_ARGUMENT,
+    fails("that overlap", vrtm_refinement_fetch_pattern(refinement, &pattern), BAD,
           "pattern.face_sources and pattern.face_corners overlap");
     check_that(faces[0] == 12345, "are not written", "");
     free(faces);
@@ -198,7 +197,7 @@ int main(void)
                    data.error > data.tolerance,
                "is used, and it says what is left", "");
     succeeds("its end", vrtm_refinement_destroy(small));
-    fails("once", vrtm_refinement_destroy(small), VRTM_ERROR_INVALID_HANDLE, "is no living refinement");
+    fails("once", vrtm_refinement_destroy(small), GONE, "is no living refinement");
     wrong_arguments(asset, refinement);
 
     /* It goes on without the asset and the device. */
@@ -207,7 +206,7 @@ int main(void)
     check_that(memcmp(last.uvs, uvs, 2 * both.pattern.corner_count * sizeof *uvs) == 0, "has the last result", "");
     succeeds("extend it", vrtm_refinement_extend(refinement));
     succeeds("its end", vrtm_refinement_destroy(refinement));
-    fails("is one", vrtm_refinement_extend(refinement), VRTM_ERROR_INVALID_HANDLE, "is no living refinement");
+    fails("is one", vrtm_refinement_extend(refinement), GONE, "is no living refinement");
     release(&first);
     release(&both);
     release(&last);
