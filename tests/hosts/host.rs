@@ -26,7 +26,7 @@ hosts! {
     #[cfg(any(target_os = "linux", windows))] // It counts the process's threads, as the system tells them.
     jobs: "job.c", 90;
     jobs_on_a_host_s_threads: "job_threads.c", 35;
-    refinements: "refine.c", 60;
+    refinements: "refine.c", 52;
     carriers: "carry.c", 45;
     #[cfg(unix)]
     forks_signals_and_small_stacks_do_no_harm: "process.c", 30;

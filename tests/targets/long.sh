@@ -1,7 +1,7 @@
 # The rest of the hosts, and what takes long. run.sh reads this file.
 
 host tests/host/mesh.c 88
-host tests/host/refine.c 60
+host tests/host/refine.c 52
 host tests/host/job_threads.c 35
 
 # Those that QEMU takes many minutes for, or whose measures it would change: memory that is its own, and small stacks (on
