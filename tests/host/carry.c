@@ -169,9 +169,8 @@ static void with_the_solve(vrtm_asset asset, vrtm_asset other, vrtm_tile tile, v
 
 int main(void)
 {
-    vrtm_device device;
-    vrtm_asset asset, other;
-    vrtm_tile tile;
+    scene made;
+    vrtm_asset other;
     vrtm_carrier carrier;
     sheet_desc d;
     request r;
@@ -182,11 +181,8 @@ int main(void)
     sheet_make(&s);
     sheet_pose(&s, 3, pose);
     sheet_describe(&s, &d);
-    succeeds("a device", vrtm_device_create(NULL, &device));
-    succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("its tile", find_udim(asset, 1001, &tile));
-    const vrtm_image rigidity = sheet_rigidity(&s);
-    succeeds("its rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    went_well("a scene", scene_make(&made, &s, NULL, 0));
+    const vrtm_asset asset = made.asset;
     for (int k = 0; k < POINTS; ++k) {
         uvs[k][0] = 0.3F + 0.1F * (float)(k % 5);
         uvs[k][1] = 0.3F + 0.1F * (float)(k / 5);
@@ -201,8 +197,8 @@ int main(void)
     ask(&r);
     fails("no solve yet", vrtm_carrier_fetch(carrier, &r.carried), VRTM_ERROR_NOT_SOLVED, "");
     posed.data = pose, posed.format = VRTM_SCALAR_F64, posed.count = VERTICES, posed.stride = sizeof pose[0];
-    succeeds("another asset", vrtm_asset_create(device, &d.mesh, &other));
-    with_the_solve(asset, other, tile, carrier, &posed);
+    succeeds("another asset", vrtm_asset_create(made.device, &d.mesh, &other));
+    with_the_solve(asset, other, made.tile, carrier, &posed);
     succeeds("which goes", vrtm_asset_destroy(other));
     for (int k = 0; k < POINTS; ++k) {
         points[k].own = 7;
@@ -231,6 +227,6 @@ int main(void)
     check_that(data.points == POINTS && data.outside == 0 && data.bytes > 0, "of all points", "");
     succeeds("the carrier goes", vrtm_carrier_destroy(carrier));
     fails("twice", vrtm_carrier_destroy(carrier), GONE, "is no living carrier");
-    succeeds("the device goes", vrtm_device_destroy(device));
+    succeeds("the device goes", vrtm_device_destroy(made.device));
     return finish();
 }

@@ -142,20 +142,17 @@ typedef struct watch {
 /* Results are those before, until the end is told. */
 static void ask(watch *w, int at_end)
 {
-    vrtm_image_out image = vrtm_image_out_init();
     vrtm_job_progress data = vrtm_job_progress_init();
     vrtm_solve_options options = vrtm_solve_options_init();
     const vrtm_array a = sheet_positions(pose);
     vrtm_job job;
     options.replace = 1;
-    image.data = map;
-    image.width = image.height = MAP;
     w->wrong += vrtm_job_wait(w->job, VRTM_FOREVER) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_wait(w->job, 1000) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_destroy(w->job) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_asset_submit(w->asset, &a, &options, &job) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_get_progress(w->job, &data) != VRTM_OK || data.state != VRTM_JOB_RUNNING;
-    w->wrong += fetch_image(w->tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK;
+    w->wrong += fetch_map(w->tile, map) != VRTM_OK;
     w->wrong += (memcmp(map, before, sizeof map) != 0) != at_end;
 }
 
@@ -205,16 +202,12 @@ static void block(void *unused, size_t index)
 static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn spawn, uint32_t threads)
 {
     watch w;
-    sheet_desc d;
-    vrtm_device device;
-    vrtm_asset asset;
+    scene made;
     vrtm_executor executor = vrtm_executor_init();
     vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_tile_settings settings = vrtm_tile_settings_init();
     vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_image rigidity = sheet_rigidity(&s);
-    vrtm_image_out image = vrtm_image_out_init();
-    vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
+    const vrtm_image rigidity = sheet_rigidity(&s);
+    const vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
     char what[64];
     memset(&w, 0, sizeof w);
     executor.parallel_for = loop;
@@ -223,24 +216,18 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     desc.threads = 2;
     desc.log = on_line;
     desc.log_user = &w;
-    settings.grid_width = settings.grid_height = 96;
-    image.data = before;
-    image.width = image.height = MAP;
     options.progress = on_progress;
     options.progress_user = &w;
     options.threads = threads;
-    sheet_describe(&s, &d);
-    if (vrtm_device_create(&desc, &device) != VRTM_OK || vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
-        find_udim(asset, 1001, &w.tile) != VRTM_OK ||
-        vrtm_tile_set_settings(w.tile, &settings) != VRTM_OK ||
-        vrtm_asset_solve(asset, &a, NULL) != VRTM_OK ||
-        fetch_image(w.tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK ||
-        vrtm_tile_set_rigidity(w.tile, &rigidity) != VRTM_OK) {
+    if (scene_make(&made, &s, &desc, 96) != NULL || vrtm_tile_set_rigidity(made.tile, NULL) != VRTM_OK ||
+        vrtm_asset_solve(made.asset, &a, NULL) != VRTM_OK || fetch_map(made.tile, before) != VRTM_OK ||
+        vrtm_tile_set_rigidity(made.tile, &rigidity) != VRTM_OK) {
         check_that(0, name, vrtm_last_error());
         return;
     }
     vrtm_job job;
-    w.asset = asset;
+    w.asset = made.asset;
+    w.tile = made.tile;
     snprintf(what, sizeof what, "%s: submit", name);
     busy = spawn != NULL;
     for (uint32_t k = threads; busy && k < POOL; ++k) {
@@ -248,7 +235,7 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
         add(blocking);
     }
     pthread_mutex_lock(&written);
-    succeeds(what, vrtm_asset_submit(asset, &b, &options, &w.job));
+    succeeds(what, vrtm_asset_submit(made.asset, &b, &options, &w.job));
     pthread_mutex_unlock(&written);
     job = w.job;
     snprintf(what, sizeof what, "%s: wait", name);
@@ -269,9 +256,9 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     pthread_t pair[2];
     int ended = 0;
     w.job.id = 0;
-    succeeds("solve the pose before", vrtm_asset_solve(asset, &a, NULL));
-    fetch_image(w.tile, VRTM_FETCH_REDIRECTION, &image);
-    succeeds("submit again", vrtm_asset_submit(asset, &b, NULL, &job));
+    succeeds("solve the pose before", vrtm_asset_solve(made.asset, &a, NULL));
+    fetch_map(w.tile, before);
+    succeeds("submit again", vrtm_asset_submit(made.asset, &b, NULL, &job));
     for (int k = 0; k < 2; ++k) {
         pthread_create(&pair[k], NULL, destroy, &job);
     }
@@ -282,8 +269,7 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     }
     snprintf(what, sizeof what, "%s: destroyed by one of two", name);
     check_that(ended == 1, what, "");
-    succeeds("destroy the asset", vrtm_asset_destroy(asset));
-    succeeds("destroy the device", vrtm_device_destroy(device));
+    went_well("the scene's end", scene_end(&made));
 }
 
 int main(void)

@@ -1,5 +1,5 @@
 /*
- * The process around the library, on the CPU: forks, timers whose signals hit solves, small stacks, and the host's state.
+ * The process around the library, on the CPU: forks, timers whose signals hit solves, and the host's state.
  * Results keep their bits, and everything that belongs to the host is as it was.
  */
 
@@ -41,7 +41,6 @@ static const char *solve(const scene *m, int frame, float *map)
 /* Frame 5, after another one, so that nothing is reused. */
 static const char *same_bits(const scene *m)
 {
-    /* Not on the stack, which may be small, nor thread-local, which a thread's stack pays for, too. */
     float *map = malloc(sizeof expected);
     const char *wrong = map == NULL ? "no memory" : solve(m, 1, map);
     if (wrong == NULL) {
@@ -238,31 +237,6 @@ static void host_state(void)
     pthread_sigmask(SIG_SETMASK, &none, NULL);
 }
 
-static void *on_small_stack(void *threads)
-{
-    return (void *)all(*(uint32_t *)threads);
-}
-
-static void small_stacks(void)
-{
-    static const size_t sizes[3] = {48, 64, 256};
-    for (int k = 0; k < 6; ++k) {
-        uint32_t threads = (uint32_t)(1 + k % 2);
-        char name[80];
-        void *wrong = "no thread";
-        pthread_attr_t attributes;
-        pthread_t thread;
-        pthread_attr_init(&attributes);
-        if (pthread_attr_setstacksize(&attributes, sizes[k / 2] * 1024) == 0 &&
-            pthread_create(&thread, &attributes, on_small_stack, &threads) == 0) {
-            pthread_join(thread, &wrong);
-        }
-        pthread_attr_destroy(&attributes);
-        snprintf(name, sizeof name, "the same bits on a stack of %d KiB, of %u threads", (int)sizes[k / 2], threads);
-        went_well(name, wrong);
-    }
-}
-
 int main(void)
 {
     scene m;
@@ -274,7 +248,6 @@ int main(void)
     went_well("its result", solve(&m, 5, expected));
     went_well("again", same_bits(&m));
     host_state();
-    small_stacks();
     fork_between_calls(&m);
     fork_during_calls(&m);
     timers(&m);

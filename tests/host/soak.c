@@ -58,13 +58,9 @@ static const char *use(vrtm_asset asset, vrtm_tile tile, int round, int solves)
 /* One device with some assets; the solves of each. Returns null, or what went wrong. */
 static const char *round_of(int round)
 {
+    scene scenes[ASSETS_PER_DEVICE];
     vrtm_device device;
-    vrtm_asset assets[ASSETS_PER_DEVICE];
     vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_tile_settings settings = vrtm_tile_settings_init();
-    vrtm_image rigidity = sheet_rigidity(&s);
-    sheet_desc d;
-    sheet_describe(&s, &d);
     desc.backend = VRTM_BACKEND_CPU;
     desc.threads = (uint32_t)(1 + round % 3);
     TRY(vrtm_device_create(&desc, &device))
@@ -72,29 +68,28 @@ static const char *round_of(int round)
         return "a device's handle was given out again";
     }
     for (int k = 0; k < ASSETS_PER_DEVICE; ++k) {
-        vrtm_tile tile;
-        TRY(vrtm_asset_create(device, &d.mesh, &assets[k]))
-        TRY(find_udim(assets[k], 1001, &tile))
-        if (!newer(assets[k].id, &last_asset) || !newer(tile.id, &last_tile)) {
-            return "an asset's or a tile's handle was given out again";
+        scene *made = &scenes[k];
+        made->device = device;
+        const char *wrong = scene_on_device(made, &s, GRID);
+        if (wrong == NULL && (!newer(made->asset.id, &last_asset) || !newer(made->tile.id, &last_tile))) {
+            wrong = "an asset's or a tile's handle was given out again";
         }
-        settings.grid_width = settings.grid_height = GRID;
-        TRY(vrtm_tile_set_settings(tile, &settings))
-        TRY(vrtm_tile_set_rigidity(tile, &rigidity))
-        const char *wrong = use(assets[k], tile, round + k, SOLVES_PER_ASSET);
+        if (wrong == NULL) {
+            wrong = use(made->asset, made->tile, round + k, SOLVES_PER_ASSET);
+        }
         if (wrong != NULL) {
             return wrong;
         }
     }
     /* In another order than they were made, and half of them after their device. */
     for (int k = 0; k < ASSETS_PER_DEVICE; k += 2) {
-        TRY(vrtm_asset_destroy(assets[k]))
+        TRY(vrtm_asset_destroy(scenes[k].asset))
     }
     TRY(vrtm_device_destroy(device))
     for (int k = 1; k < ASSETS_PER_DEVICE; k += 2) {
-        TRY(vrtm_asset_destroy(assets[k]))
+        TRY(vrtm_asset_destroy(scenes[k].asset))
     }
-    if (vrtm_asset_destroy(assets[0]) != VRTM_ERROR_INVALID_HANDLE) {
+    if (vrtm_asset_destroy(scenes[0].asset) != VRTM_ERROR_INVALID_HANDLE) {
         return "a destroyed asset can be destroyed again";
     }
     return NULL;

@@ -18,34 +18,27 @@ static uint32_t threads;
 /* Returns null, or the name of the call that failed. */
 static const char *all_calls(void)
 {
-    sheet_desc d;
     vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_device device;
-    vrtm_asset asset;
-    vrtm_tile tile;
+    scene made;
     vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
     vrtm_image rigidity = sheet_rigidity(&s);
     vrtm_image_out image = vrtm_image_out_init(), nodes = vrtm_image_out_init();
     vrtm_array positions = sheet_positions(pose);
     vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_tile_settings settings = vrtm_tile_settings_init();
     desc.backend = VRTM_BACKEND_CPU;
     desc.threads = threads;
-    sheet_describe(&s, &d);
-    TRY(vrtm_device_create(&desc, &device))
-    TRY(vrtm_asset_create(device, &d.mesh, &asset))
-    TRY(find_udim(asset, 1001, &tile))
-    TRY(vrtm_tile_set_rigidity(tile, &rigidity))
-    TRY(vrtm_tile_set_mask(tile, &rigidity))
-    TRY(vrtm_tile_set_mask(tile, NULL))
-    settings.grid_width = settings.grid_height = 256;
-    TRY(vrtm_tile_set_settings(tile, &settings))
+    const char *wrong = scene_make(&made, &s, &desc, 256);
+    if (wrong != NULL) {
+        return wrong;
+    }
+    TRY(vrtm_tile_set_mask(made.tile, &rigidity))
+    TRY(vrtm_tile_set_mask(made.tile, NULL))
     image.data = map;
     image.width = 300;
     image.height = 200;
     nodes.data = warp;
     nodes.width = nodes.height = MAP + 1;
-    fetches[0].tile = fetches[1].tile = tile;
+    fetches[0].tile = fetches[1].tile = made.tile;
     fetches[0].image = &image;
     fetches[1].image = &nodes;
     fetches[1].kind = VRTM_FETCH_WARP;
@@ -56,15 +49,13 @@ static const char *all_calls(void)
         for (options.warm = 0; options.warm < 2; ++options.warm) {
             options.temporal_weight = 0.1f;
             sheet_pose(&s, 3 + (int)options.warm, pose);
-            TRY(vrtm_asset_redirect(asset, &positions, &options, fetches, 2))
-            TRY(vrtm_asset_fetch_corner_uvs(asset, 0, corners, CORNERS))
+            TRY(vrtm_asset_redirect(made.asset, &positions, &options, fetches, 2))
+            TRY(vrtm_asset_fetch_corner_uvs(made.asset, 0, corners, CORNERS))
         }
     }
     vrtm_tile_report report = vrtm_tile_report_init();
-    TRY(vrtm_tile_get_report(tile, &report))
-    TRY(vrtm_asset_destroy(asset))
-    TRY(vrtm_device_destroy(device))
-    return NULL;
+    TRY(vrtm_tile_get_report(made.tile, &report))
+    return scene_end(&made);
 }
 
 static void *run(void *result)
@@ -80,7 +71,11 @@ static void *run(void *result)
 
 int main(void)
 {
+    static float expected[sizeof map / sizeof *map];
     sheet_make(&s);
+    threads = 2;
+    went_well("all calls on the main thread", all_calls());
+    memcpy(expected, map, sizeof map);
     for (threads = 1; threads <= 2; ++threads) {
         const char *wrong = NULL;
         pthread_attr_t attributes;
@@ -92,6 +87,7 @@ int main(void)
         }
         pthread_join(thread, NULL);
         check_that(wrong == NULL, threads == 1 ? "all calls, alone" : "all calls, with a helper", wrong ? wrong : "");
+        check_that(memcmp(expected, map, sizeof map) == 0, "the same bits", "other bits");
         pthread_attr_destroy(&attributes);
     }
     return finish();

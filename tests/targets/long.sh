@@ -7,7 +7,7 @@ host tests/host/job_threads.c 35
 # Those that QEMU takes many minutes for, or whose measures it would change: memory that is its own, and small stacks (on
 # ARM64 glibc gives no thread less than 128 KiB).
 rest() {
-    host tests/host/stack.c 6
+    host tests/host/stack.c 9
     host tests/host/farm.cpp 10
     host tests/host/viewport.cpp 9
     host tests/host/wrapper.cpp 180
