@@ -59,8 +59,9 @@ static void extremes(int backend)
     static work w;
     char line[100];
     work_begin(&w, backend, NULL);
+    w.step.quality = VRTM_QUALITY_DRAFT;
     if (!check_that(make_device(&w) == VRTM_OK && make_asset(&w) == VRTM_OK && find_tiles(&w) == VRTM_OK &&
-                        paint(&w) == VRTM_OK && solve_draft(&w) == VRTM_OK,
+                        paint(&w) == VRTM_OK && solve(&w) == VRTM_OK,
                     "a model is solved", vrtm_last_error())) {
         return;
     }

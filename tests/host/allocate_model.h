@@ -24,7 +24,22 @@ enum {
     MAX_TILES = 2
 };
 
+struct work;
+
+/* A call, and what of these it is made with. */
 typedef struct {
+    const char *name;
+    vrtm_status (*run)(struct work *);
+    int tile, frame;
+    vrtm_fetch_kind kind;
+    float apart, warm;
+    vrtm_quality quality;
+    vrtm_solver solver;
+    uint32_t measure;
+} step;
+
+typedef struct work {
+    step step;
     int backend;
     const vrtm_allocator *allocator;
     vrtm_device device;

@@ -68,7 +68,7 @@ static vrtm_status run_inside(int step, work *w)
 {
     vrtm_status status;
     atomic_store(&inside, 1);
-    status = steps[step].run(w);
+    status = run_plain(step, w);
     atomic_store(&inside, 0);
     return status;
 }
@@ -121,7 +121,7 @@ static void limited(size_t more)
         vrtm_status status;
         malloc_trim(0);
         limit(more);
-        status = steps[k].run(&w);
+        status = run_plain(k, &w);
         limit(SIZE_MAX);
         if (status != VRTM_OK) {
             failed += 1;
@@ -132,7 +132,7 @@ static void limited(size_t more)
             } else if (last_result(&w) != result_before) {
                 wrong = "the last result has changed";
             }
-            status = steps[k].run(&w);
+            status = run_plain(k, &w);
         }
         if (wrong == NULL && status != VRTM_OK) {
             wrong = vrtm_last_error();

@@ -98,11 +98,6 @@ static void arm(long n)
 }
 
 /* Runs a step. */
-static vrtm_status run_plain(int step, work *w)
-{
-    return steps[step].run(w);
-}
-
 static vrtm_status (*run_step)(int, work *) = run_plain;
 
 /* What a run without failures has after each step. */

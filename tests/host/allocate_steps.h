@@ -69,39 +69,20 @@ static vrtm_status mask(work *w)
     return vrtm_tile_set_mask(w->tiles[0], &image);
 }
 
-static vrtm_status settings(work *w, int which, float density)
+/* The second tile has a density. */
+static vrtm_status settings(work *w)
 {
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     settings.grid_width = GRID_WIDTH;
     settings.grid_height = GRID_HEIGHT;
-    settings.orientation_density = density;
-    return vrtm_tile_set_settings(w->tiles[which], &settings);
+    settings.orientation_density = (float)w->step.tile;
+    return vrtm_tile_set_settings(w->tiles[w->step.tile], &settings);
 }
 
-static vrtm_status settings_first(work *w)
-{
-    return settings(w, 0, 0);
-}
-
-static vrtm_status settings_second(work *w)
-{
-    return settings(w, 1, 1);
-}
-
-static vrtm_status describe(work *w, int which)
+static vrtm_status describe(work *w)
 {
     vrtm_tile_info data = vrtm_tile_info_init();
-    return vrtm_tile_get_info(w->tiles[which], &data);
-}
-
-static vrtm_status describe_first(work *w)
-{
-    return describe(w, 0);
-}
-
-static vrtm_status describe_second(work *w)
-{
-    return describe(w, 1);
+    return vrtm_tile_get_info(w->tiles[w->step.tile], &data);
 }
 
 static vrtm_status estimate(work *w)
@@ -120,71 +101,26 @@ static vrtm_status load(work *w)
     return vrtm_tile_load(w->tiles[0], w->saved, w->saved_size);
 }
 
-static vrtm_status solve(work *w, int frame, float apart, vrtm_quality quality, vrtm_solver solver, float warm, int measure)
+static vrtm_status solve(work *w)
 {
     vrtm_array points = array_of(posed, POSITIONS);
     vrtm_solve_options options = vrtm_solve_options_init();
-    pose_frame(frame, apart);
-    options.quality = quality;
-    options.solver = solver;
-    options.warm = warm > 0;
-    options.temporal_weight = warm;
-    options.measure = (uint32_t)measure;
+    pose_frame(w->step.frame, w->step.apart);
+    options.quality = w->step.quality;
+    options.solver = w->step.solver;
+    options.warm = w->step.warm > 0;
+    options.temporal_weight = w->step.warm;
+    options.measure = w->step.measure;
     /* Memory is allocated in the first corrections and iterations alone; the others take most of the time. */
-    options.max_corrections = quality == VRTM_QUALITY_DRAFT ? 0 : 2;
+    options.max_corrections = options.quality == VRTM_QUALITY_DRAFT ? 0 : 2;
     options.pbd.iterations = 2;
     return vrtm_asset_solve(w->asset, &points, &options);
 }
 
-static vrtm_status solve_normal(work *w)
-{
-    return solve(w, 1, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_DESCENT, 0, 0);
-}
-
-static vrtm_status solve_draft(work *w)
-{
-    return solve(w, 2, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 0);
-}
-
-static vrtm_status solve_warm(work *w)
-{
-    return solve(w, 4, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_DESCENT, 0.1f, 0);
-}
-
-static vrtm_status solve_measured(work *w)
-{
-    return solve(w, 5, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 1);
-}
-
-static vrtm_status solve_torn(work *w)
-{
-    return solve(w, 5, 3, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 0);
-}
-
-static vrtm_status solve_pbd(work *w)
-{
-    return solve(w, 6, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_PBD, 0, 0);
-}
-
-static vrtm_status fetch(work *w, int tile, vrtm_fetch_kind kind)
+static vrtm_status fetch(work *w)
 {
     vrtm_image_out image = image_of(w->out[0], VRTM_PIXEL_F32);
-    return fetch_image(w->tiles[tile], kind, &image);
-}
-
-static vrtm_status fetch_redirection(work *w)
-{
-    return fetch(w, 0, VRTM_FETCH_REDIRECTION);
-}
-
-static vrtm_status fetch_delta(work *w)
-{
-    return fetch(w, 1, VRTM_FETCH_REDIRECTION_DELTA);
-}
-
-static vrtm_status fetch_warp(work *w)
-{
-    return fetch(w, 0, VRTM_FETCH_WARP);
+    return fetch_image(w->tiles[w->step.tile], w->step.kind, &image);
 }
 
 static vrtm_status fetch_half(work *w)
@@ -319,50 +255,53 @@ static vrtm_status hold(work *w)
     return vrtm_asset_set_vertex_mask(w->asset, &array);
 }
 
-static const struct {
-    const char *name;
-    vrtm_status (*run)(work *);
-} steps[] = {
-    {"device", make_device},
-    {"asset", make_asset},
-    {"tiles", find_tiles},
-    {"rigidity", paint},
-    {"rigidity of f32", paint_second},
-    {"mask", mask},
-    {"settings", settings_first},
-    {"settings with a density", settings_second},
-    {"estimate", estimate},
-    {"tile info", describe_first},
-    {"tile info with a density", describe_second},
-    {"save", save},
-    {"load", load},
-    {"solve", solve_normal},
-    {"redirection", fetch_redirection},
-    {"delta", fetch_delta},
-    {"warp", fetch_warp},
-    {"redirection of f16", fetch_half},
-    {"part of a warp", fetch_part},
-    {"dilation", fetch_dilation},
-    {"corner UVs", fetch_corners},
-    {"refinement", refine},
-    {"carrier", make_carrier},
-    {"stroke", stroke},
-    {"solve after the stroke", solve_normal},
-    {"carried points", carry},
-    {"solve, draft", solve_draft},
-    {"solve, warm", solve_warm},
-    {"solve, measured", solve_measured},
-    {"solve, torn", solve_torn},
-    {"solve, paper's", solve_pbd},
-    {"redirect", redirect},
-    {"job", submit},
-    {"vertex rigidity", weigh},
-    {"solve of vertex rigidity", solve_draft},
-    {"vertex mask", hold},
-    {"solve of vertex mask", solve_draft},
+static const step steps[] = {
+    {"device", .run = make_device},
+    {"asset", .run = make_asset},
+    {"tiles", .run = find_tiles},
+    {"rigidity", .run = paint},
+    {"rigidity of f32", .run = paint_second},
+    {"mask", .run = mask},
+    {"settings", .run = settings},
+    {"settings with a density", .run = settings, .tile = 1},
+    {"estimate", .run = estimate},
+    {"tile info", .run = describe},
+    {"tile info with a density", .run = describe, .tile = 1},
+    {"save", .run = save},
+    {"load", .run = load},
+    {"solve", .run = solve, .frame = 1},
+    {"redirection", .run = fetch},
+    {"delta", .run = fetch, .tile = 1, .kind = VRTM_FETCH_REDIRECTION_DELTA},
+    {"warp", .run = fetch, .kind = VRTM_FETCH_WARP},
+    {"redirection of f16", .run = fetch_half},
+    {"part of a warp", .run = fetch_part},
+    {"dilation", .run = fetch_dilation},
+    {"corner UVs", .run = fetch_corners},
+    {"refinement", .run = refine},
+    {"carrier", .run = make_carrier},
+    {"stroke", .run = stroke},
+    {"solve after the stroke", .run = solve, .frame = 1},
+    {"carried points", .run = carry},
+    {"solve, draft", .run = solve, .frame = 2, .quality = VRTM_QUALITY_DRAFT},
+    {"solve, warm", .run = solve, .frame = 4, .warm = 0.1f},
+    {"solve, measured", .run = solve, .frame = 5, .quality = VRTM_QUALITY_DRAFT, .measure = 1},
+    {"solve, torn", .run = solve, .frame = 5, .apart = 3, .quality = VRTM_QUALITY_DRAFT},
+    {"solve, paper's", .run = solve, .frame = 6, .solver = VRTM_SOLVER_PBD},
+    {"redirect", .run = redirect},
+    {"job", .run = submit},
+    {"vertex rigidity", .run = weigh},
+    {"solve of vertex rigidity", .run = solve, .frame = 2, .quality = VRTM_QUALITY_DRAFT},
+    {"vertex mask", .run = hold},
+    {"solve of vertex mask", .run = solve, .frame = 2, .quality = VRTM_QUALITY_DRAFT},
 };
 
 enum { STEPS = sizeof steps / sizeof steps[0] };
+
+static vrtm_status run_plain(int step, work *w)
+{
+    w->step = steps[step];
+    return w->step.run(w);
+}
 
 static void work_begin(work *w, int backend, const vrtm_allocator *allocator)
 {
@@ -370,21 +309,15 @@ static void work_begin(work *w, int backend, const vrtm_allocator *allocator)
     w->backend = backend;
     w->allocator = allocator;
     w->saved_capacity = 16u << 20;
-    w->saved = malloc(w->saved_capacity);
-    memset(w->saved, 0, w->saved_capacity);
+    w->saved = calloc(1, w->saved_capacity);
 }
 
 static void work_end(work *w)
 {
-    if (w->carrier.id != 0) {
-        vrtm_carrier_destroy(w->carrier);
-    }
-    if (w->asset.id != 0) {
-        vrtm_asset_destroy(w->asset);
-    }
-    if (w->device.id != 0) {
-        vrtm_device_destroy(w->device);
-    }
+    /* Nothing happens to what was not made. */
+    vrtm_carrier_destroy(w->carrier);
+    vrtm_asset_destroy(w->asset);
+    vrtm_device_destroy(w->device);
     free(w->saved);
 }
 
