@@ -35,7 +35,7 @@ hosts! {
     #[cfg(target_os = "linux")] // A program's own pthread_create is what the library calls.
     threads_of_frames: "frame_threads.c", 17;
     a_farm: "farm.cpp", 10;
-    a_viewport: "viewport.cpp", 9;
+    a_viewport: "viewport.cpp", 6;
 }
 
 #[test]

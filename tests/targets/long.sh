@@ -9,7 +9,7 @@ host tests/host/job_threads.c 35
 rest() {
     host tests/host/stack.c 9
     host tests/host/farm.cpp 10
-    host tests/host/viewport.cpp 9
+    host tests/host/viewport.cpp 6
     host tests/host/wrapper.cpp 180
     options='-fno-exceptions -fno-rtti' as=wrapper_without_exceptions
     host tests/host/wrapper.cpp 180
