@@ -295,48 +295,6 @@ static void plain_jobs(void)
     succeeds("destroy it", vrtm_job_destroy(job));
 }
 
-static void bad_arguments(void)
-{
-    scene made = make(NULL, 64), foreign = make(NULL, 64);
-    vrtm_array a = sheet_positions(pose);
-    vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_job job = {77};
-    uint32_t vertices[2] = {0, VERTICES};
-    fails("null job", vrtm_asset_submit(made.asset, &a, NULL, NULL), BAD, "job is null");
-    fails("null positions", vrtm_asset_submit(made.asset, NULL, NULL, &job), BAD, "positions is null");
-    a.count = VERTICES - 1;
-    fails("too few positions", vrtm_asset_submit(made.asset, &a, NULL, &job), BAD, "positions: 168 elements");
-    a.count = VERTICES;
-    options.threads = 1025;
-    fails("too many threads", vrtm_asset_submit(made.asset, &a, &options, &job), BAD, "options.threads: 1025");
-    options.threads = 0;
-    options.release = 4;
-    fails("release", vrtm_asset_solve(made.asset, &a, &options), BAD, "options.release is 4");
-    options.release = 0;
-    options.replace = 2;
-    fails("replace", vrtm_asset_submit(made.asset, &a, &options, &job), BAD, "options.replace is 2");
-    options.replace = 0;
-    options.tiles = &foreign.tile;
-    options.tile_count = 1;
-    fails("a tile of another asset", vrtm_asset_solve(made.asset, &a, &options), BAD,
-          "options.tiles[0] belongs to another asset");
-    options.tiles = NULL;
-    options.dirty_vertices = vertices;
-    options.dirty_vertex_count = 2;
-    fails("a vertex that there is not", vrtm_asset_submit(made.asset, &a, &options, &job),
-          BAD, "options.dirty_vertices[1]: 169");
-    check_that(job.id == 77, "the handle was not written", "");
-    fails("freeze", vrtm_tile_freeze(made.tile, 2), BAD, "frozen is 2");
-    vrtm_executor executor = vrtm_executor_init();
-    vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_device device;
-    desc.executor = &executor;
-    fails("an executor without a loop", vrtm_device_create(&desc, &device), BAD,
-          "desc.executor.parallel_for is null");
-    end(made);
-    end(foreign);
-}
-
 /* Counts its calls, and cancels after some. */
 typedef struct watch {
     int calls, cancel_at, falls, busy;
@@ -556,7 +514,6 @@ int main(void)
     plain_jobs();
     newest_wins(0);
     newest_wins(1);
-    bad_arguments();
     progress_and_cancelling();
     a_host_s_threads();
     return finish();

@@ -73,6 +73,10 @@ static void devices(void)
          fails("backend 9", vrtm_device_create(&desc, &other), BAD, "desc.backend is 9"));
     WITH(uint32_t, desc.threads, 5000,
          fails("5000 threads", vrtm_device_create(&desc, &other), BAD, "threads"));
+    const vrtm_executor executor = vrtm_executor_init();
+    typedef const vrtm_executor *loops;
+    WITH(loops, desc.executor, &executor,
+         fails("no loop", vrtm_device_create(&desc, &other), BAD, "desc.executor.parallel_for is null"));
     check_that(other.id == 77, "no device was written", "");
     fails("no place for the count", vrtm_adapter_count(NULL), BAD, "count is null");
     vrtm_adapter_info adapter = vrtm_adapter_info_init();
@@ -478,6 +482,23 @@ static void solves_and_fetches(void)
     WITH(uint32_t, options.struct_size, 2,
          bad_solve("options' struct_size", &positions, &options, "options.struct_size"));
 
+    WITH(uint32_t, options.release, 4, bad_solve("release 4", &positions, &options, "options.release is 4"));
+
+    vrtm_job job = {77};
+    uint32_t vertices[2] = {0, VERTICES};
+    typedef const uint32_t *numbers;
+    options.dirty_vertex_count = 2;
+#define SUBMIT() vrtm_asset_submit(asset, &positions, &options, &job)
+    fails("no place for the job", vrtm_asset_submit(asset, &positions, NULL, NULL), BAD, "job is null");
+    fails("a job without positions", vrtm_asset_submit(asset, NULL, NULL, &job), BAD, "positions is null");
+    WITH(size_t, positions.count, VERTICES - 1, fails("a short job", SUBMIT(), BAD, "positions: 168 elements"));
+    WITH(uint32_t, options.threads, 1025, fails("1025 threads", SUBMIT(), BAD, "options.threads: 1025"));
+    WITH(uint32_t, options.replace, 2, fails("replace 2", SUBMIT(), BAD, "options.replace is 2"));
+    WITH(numbers, options.dirty_vertices, vertices,
+         fails("a vertex that there is not", SUBMIT(), BAD, "options.dirty_vertices[1]: 169"));
+    check_that(job.id == 77, "no job was written", "");
+    fails("frozen 2", vrtm_tile_freeze(tile, 2), BAD, "frozen is 2");
+
     const vrtm_fetch_kind redirection = VRTM_FETCH_REDIRECTION;
     bad_fetch("no image", redirection, NULL, BAD, "image is null");
     bad_fetch("kind 9", 9, &image, BAD, "kind is 9");
@@ -515,6 +536,10 @@ static void solves_and_fetches(void)
     vrtm_tile foreign;
     succeeds("a second asset", vrtm_asset_create(device, &d.mesh, &second));
     succeeds("its tile", vrtm_asset_get_tile(second, 0, &foreign));
+    typedef const vrtm_tile *tiles;
+    options.tile_count = 1;
+    WITH(tiles, options.tiles, &foreign,
+         bad_solve("another asset's tile", &positions, &options, "options.tiles[0] belongs to another asset"));
     vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
     vrtm_image_out other = image;
     static float elsewhere[2 * MAP * MAP];

@@ -20,11 +20,11 @@ macro_rules! hosts {
 }
 
 hosts! {
-    misuse: "misuse.c", 250;
+    misuse: "misuse.c", 261;
     mesh: "mesh.c", 88;
     float_mode: "float_mode.c", 26;
     #[cfg(any(target_os = "linux", windows))] // It counts the process's threads, as the system tells them.
-    jobs: "job.c", 90;
+    jobs: "job.c", 118;
     jobs_on_a_host_s_threads: "job_threads.c", 35;
     refinements: "refine.c", 52;
     carriers: "carry.c", 45;

@@ -192,9 +192,9 @@ mkdir -p "$hosts/locales"
 localedef -i de_DE -f UTF-8 "$hosts/locales/de_DE.UTF-8" 2>/dev/null
 
 host tests/host/smoke.c 50
-host tests/host/misuse.c 250
+host tests/host/misuse.c 261
 host tests/host/float_mode.c 26
-host tests/host/job.c 90
+host tests/host/job.c 118
 host tests/host/wrapper_throws.cpp 7
 if [ "$target" = arm64 ] && ! [ -d "$hosts/locales/de_DE.UTF-8" ]; then
     skip "locale: localedef does not make the locale de_DE"
