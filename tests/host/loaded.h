@@ -64,7 +64,7 @@ static inline void *use(void *without_gpu)
     int calls = 0;
     vrtm_fetch fetch = vrtm_fetch_init();
     vrtm_image rigidity = sheet_rigidity(&s);
-    vrtm_image_out image = vrtm_image_out_init();
+    const vrtm_image_out image = sheet_map(map);
     vrtm_array positions = sheet_positions(pose);
     vrtm_solve_options options = vrtm_solve_options_init(), cancelled = options;
     options.quality = VRTM_QUALITY_DRAFT;
@@ -72,8 +72,6 @@ static inline void *use(void *without_gpu)
     cancelled.progress_user = &calls;
     sheet_describe(&s, &d);
     sheet_pose(&s, 4, pose);
-    image.data = map;
-    image.width = image.height = MAP;
     fetch.image = &image;
     if (stale.id != 0 && api.vrtm_device_destroy(stale) != VRTM_ERROR_INVALID_HANDLE) {
         return (void *)"a handle of the unloaded library was accepted";

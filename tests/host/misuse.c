@@ -333,9 +333,7 @@ static float map[2 * MAP * MAP], before[2 * MAP * MAP], uvs[2 * CORNERS];
 
 static void before_a_solve(void)
 {
-    vrtm_image_out image = vrtm_image_out_init();
-    image.data = map;
-    image.width = image.height = MAP;
+    vrtm_image_out image = sheet_map(map);
     memset(map, 0x5A, sizeof map);
     memset(uvs, 0x5A, sizeof uvs);
     memcpy(before, map, sizeof before);
@@ -380,11 +378,8 @@ static void bad_look(const char *name, const vrtm_map_desc *desc, vrtm_status st
 
 static void maps_to_come(void)
 {
-    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_image_out image = sheet_map(map);
     vrtm_map_desc desc = vrtm_map_desc_init();
-    image.data = map;
-    image.width = image.height = MAP / 2;
-    image.channels = 4;
     bad_dilation("no reach", 0, &image, "reach: 0");
     bad_dilation("too far", 0.75, &image, "reach: 0.75");
     bad_dilation("nowhere", 0.1, NULL, "image is null");
@@ -435,9 +430,7 @@ static void solves_and_fetches(void)
     sheet_pose(&s, 3, pose);
     vrtm_array positions = sheet_positions(pose);
     vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_image_out image = vrtm_image_out_init();
-    image.data = map;
-    image.width = image.height = MAP;
+    vrtm_image_out image = sheet_map(map);
     succeeds("a good solve", vrtm_asset_solve(asset, &positions, &options));
     succeeds("a good fetch", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     memcpy(before, map, sizeof map);

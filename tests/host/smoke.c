@@ -115,10 +115,7 @@ int main(void)
     options.measure = 1;
     succeeds("solve", vrtm_asset_solve(asset, &positions, &options));
 
-    vrtm_image_out image = vrtm_image_out_init();
-    image.data = map;
-    image.width = MAP;
-    image.height = MAP;
+    vrtm_image_out image = sheet_map(map);
     succeeds("fetch redirection", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     const double moved = distance_from_identity(map, MAP, 0);
     char text[64];
@@ -192,9 +189,7 @@ int main(void)
 
     /* redirect, the only call that a deformer's compute() needs, gives the same bits. */
     memset(again, 0, sizeof again);
-    vrtm_image_out first = vrtm_image_out_init(), second = first;
-    first.data = again;
-    first.width = first.height = MAP;
+    vrtm_image_out first = sheet_map(again), second = first;
     second.data = warp;
     second.width = second.height = MAP + 1;
     vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
@@ -227,9 +222,7 @@ int main(void)
     second.data = &wide[0][7];
     fails("channels that overlap", vrtm_asset_redirect(asset, &positions, NULL, fetches, 2),
           BAD, "overlap in memory");
-    first = vrtm_image_out_init();
-    first.data = again;
-    first.width = first.height = MAP;
+    first = sheet_map(again);
 
     sheet_pose(&s, 0, pose);
     succeeds("redirect at rest", vrtm_asset_redirect(asset, &positions, NULL, fetches, 1));
