@@ -81,17 +81,8 @@ def check_list(files: list[Path], arguments: argparse.Namespace) -> None:
 
 def use(wheel: Path, arguments: argparse.Namespace) -> None:
     folder = arguments.out / "installed"
-    install = [
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-        "--no-deps",
-        "--no-index",
-    ]
-    subprocess.run([*install, "--target", str(folder), str(wheel)], check=True)
+    install = "-m pip install --quiet --disable-pip-version-check --no-deps --no-index --target".split()
+    subprocess.run([sys.executable, *install, str(folder), str(wheel)], check=True)
     command = [sys.executable, "-c", f"import sys\nsys.path.insert(0, {str(folder)!r})\n{SOLVE}"]
     found = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert found.stdout == f"solved by {folder / 'vrtm' / '__init__.py'}\n", found.stdout + found.stderr

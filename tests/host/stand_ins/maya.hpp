@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
-#include <initializer_list>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -34,14 +33,7 @@ private:
 
 class MStatus {
 public:
-    enum MStatusCode {
-        kSuccess = 0,
-        kFailure,
-        kInsufficientMemory,
-        kInvalidParameter,
-        kLicenseFailure,
-        kUnknownParameter
-    };
+    enum MStatusCode { kSuccess = 0, kFailure, kUnknownParameter };
     MStatus() = default;
     MStatus(MStatusCode code) : code_(code) {}
     operator bool() const { return code_ == kSuccess; }
@@ -92,10 +84,8 @@ struct StandInMesh {
 class MObject {
 public:
     bool isNull() const { return stand_in == nullptr; }
-    static MObject kNullObj;
     std::shared_ptr<StandInMesh> stand_in;
 };
-inline MObject MObject::kNullObj;
 inline MObject stand_in_object() { return MObject{std::make_shared<StandInMesh>()}; }
 inline std::map<std::string, MObject> stand_in_attributes;
 inline MObject stand_in_attribute(const MString &name)
@@ -110,17 +100,17 @@ public:
 
 class MSpace {
 public:
-    enum Space { kInvalid = 0, kTransform, kPreTransform, kPostTransform, kWorld, kObject = kPreTransform };
+    enum Space { kObject };
 };
 
 class MFnData {
 public:
-    enum Type { kInvalid = 0, kNumeric, kPlugin, kPluginGeometry, kString, kMesh };
+    enum Type { kString, kMesh };
 };
 
 class MFnNumericData {
 public:
-    enum Type { kInvalid = 0, kBoolean, kByte, kChar, kShort, kInt };
+    enum Type { kInt };
 };
 
 class MFnAttribute {
