@@ -71,8 +71,7 @@ static void devices(void)
     desc.adapter = 0;
     WITH(vrtm_backend, desc.backend, 9,
          fails("backend 9", vrtm_device_create(&desc, &other), BAD, "desc.backend is 9"));
-    WITH(uint32_t, desc.threads, 5000,
-         fails("5000 threads", vrtm_device_create(&desc, &other), BAD, "threads"));
+    WITH(uint32_t, desc.threads, 5000, fails("5000 threads", vrtm_device_create(&desc, &other), BAD, "threads"));
     const vrtm_executor executor = vrtm_executor_init();
     typedef const vrtm_executor *loops;
     WITH(loops, desc.executor, &executor,
@@ -305,18 +304,14 @@ static void maps(void)
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     WITH(float, settings.room, -2, bad_settings("room -2", &settings, "settings.room: -2 is not between"));
     WITH(float, settings.smoothness, NAN, bad_settings("smoothness NaN", &settings, "settings.smoothness"));
-    WITH(float, settings.smoothness_floor, 0,
-         bad_settings("no floor", &settings, "settings.smoothness_floor"));
-    WITH(float, settings.room_threshold, 2,
-         bad_settings("threshold 2", &settings, "settings.room_threshold"));
+    WITH(float, settings.smoothness_floor, 0, bad_settings("no floor", &settings, "settings.smoothness_floor"));
+    WITH(float, settings.room_threshold, 2, bad_settings("threshold 2", &settings, "settings.room_threshold"));
     WITH(float, settings.harm, 17, bad_settings("harm 17", &settings, "settings.harm: 17 is not between"));
     WITH(float, settings.harm, NAN, bad_settings("harm NaN", &settings, "settings.harm"));
     WITH(vrtm_seams, settings.seams, 3, bad_settings("seams 3", &settings, "settings.seams is 3"));
-    WITH(float, settings.seam_reach, -1,
-         bad_settings("no reach", &settings, "settings.seam_reach: -1 is not"));
+    WITH(float, settings.seam_reach, -1, bad_settings("no reach", &settings, "settings.seam_reach: -1 is not"));
     settings.seams = VRTM_SEAMS_CONTINUE;
-    WITH(float, settings.orientation_density, 1,
-         bad_settings("seams and density", &settings, "orientation_density"));
+    WITH(float, settings.orientation_density, 1, bad_settings("seams and density", &settings, "orientation_density"));
     settings.seams = VRTM_SEAMS_SHUT;
     WITH(vrtm_open_borders, settings.open_borders, -1,
          bad_settings("borders -1", &settings, "settings.open_borders is -1"));
@@ -436,8 +431,7 @@ static void solves_and_fetches(void)
     memcpy(before, map, sizeof map);
 
     fails("no positions", vrtm_asset_solve(asset, NULL, NULL), BAD, "positions is null");
-    WITH(data, positions.data, NULL,
-         bad_solve("no position data", &positions, NULL, "positions.data is null"));
+    WITH(data, positions.data, NULL, bad_solve("no position data", &positions, NULL, "positions.data is null"));
     WITH(size_t, positions.count, VERTICES - 1, bad_solve("a vertex too few", &positions, NULL, "positions"));
     WITH(size_t, positions.stride, 8, bad_solve("a short stride", &positions, NULL, "positions.stride is 8"));
     WITH(size_t, positions.stride, SIZE_MAX / 2,
@@ -445,10 +439,8 @@ static void solves_and_fetches(void)
     WITH(size_t, positions.count, SIZE_MAX / 16,
          bad_solve("a count beyond memory", &positions, NULL, "positions.count: "));
     WITH(double, pose[42][1], NAN, bad_solve("a NaN position", &positions, NULL, "positions[42]"));
-    WITH(double, pose[43][0], -INFINITY,
-         bad_solve("an infinite position", &positions, NULL, "positions[43]"));
-    WITH(vrtm_quality, options.quality, 2,
-         bad_solve("quality 2", &positions, &options, "options.quality is 2"));
+    WITH(double, pose[43][0], -INFINITY, bad_solve("an infinite position", &positions, NULL, "positions[43]"));
+    WITH(vrtm_quality, options.quality, 2, bad_solve("quality 2", &positions, &options, "options.quality is 2"));
     WITH(vrtm_solver, options.solver, 2, bad_solve("solver 2", &positions, &options, "options.solver is 2"));
     /* Fields of the other solver are not looked at. */
     WITH(uint32_t, options.pbd.iterations, 0,

@@ -204,8 +204,7 @@ void images(const vrtm::Device &device)
                          vrtm::ImageOut(wide.data() + 2, MAP, MAP, 2).pixel_stride(16).row_stride(16 * MAP)));
     works("fetch the delta", tile.fetch(vrtm::FetchKind::redirection_delta, {delta, MAP, MAP}));
     Map with_coverage(4 * MAP * MAP);
-    works("fetch four channels",
-          tile.fetch(vrtm::FetchKind::redirection_udim, {with_coverage, MAP, MAP}));
+    works("fetch four channels", tile.fetch(vrtm::FetchKind::redirection_udim, {with_coverage, MAP, MAP}));
     check_that(with_coverage[4 * (MAP / 2 * MAP + MAP / 2) + 3] == 1 && with_coverage[3] == 0, "coverage", "");
     const vrtm::Result<vrtm_map_info> looked_at =
         tile.inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16));
@@ -215,8 +214,7 @@ void images(const vrtm::Device &device)
                    looked_at->error_p99 <= looked_at->error_max && looked_at->error_max < 1.0 / MAP,
                "its figures", "");
     refuses("no map", tile.inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
-    works("fetch a part",
-          tile.fetch_part(vrtm::FetchKind::redirection, {texel, 1, 1}, 21, 40, MAP, MAP));
+    works("fetch a part", tile.fetch_part(vrtm::FetchKind::redirection, {texel, 1, 1}, 21, 40, MAP, MAP));
     const float texel_s_side = 1 / float(MAP);
     Map beside(2 * MAP * MAP);
     works("fetch a dilation", tile.fetch_dilation(1.0 / 16, {beside, MAP, MAP}));
@@ -560,8 +558,7 @@ void tiles(const vrtm::Device &device)
     const Map stroked = redirection(asset, {pose, VERTICES});
     works("the whole map", tile.set_rigidity(map));
     check_that(!same(stroked, expected) && same(redirection(asset, {pose, VERTICES}), stroked), "are the same", "");
-    refuses("a stroke beside the map", tile.update_rigidity(map, 60, 0, 8, 1), vrtm::Code::invalid_argument,
-            "8x1");
+    refuses("a stroke beside the map", tile.update_rigidity(map, 60, 0, 8, 1), vrtm::Code::invalid_argument, "8x1");
 
     const std::vector<unsigned char> saved = *tile.save();
     const vrtm::Result<std::size_t> size = tile.save(nullptr, 0);
