@@ -30,7 +30,7 @@ static inline int succeeds(const char *name, vrtm_status status)
     return check_that(status == VRTM_OK, name, status == VRTM_OK ? "" : vrtm_last_error());
 }
 
-/* What a call gives for a wrong argument, and for a handle of nothing. */
+/* Statuses for a wrong argument, and for a handle of nothing. */
 #define BAD VRTM_ERROR_INVALID_ARGUMENT
 #define GONE VRTM_ERROR_INVALID_HANDLE
 

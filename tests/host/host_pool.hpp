@@ -50,26 +50,22 @@ public:
     {
         struct Loop {
             std::atomic<std::size_t> next{0}, done{0};
-            std::mutex mutex;
-            std::condition_variable told;
         };
         const auto loop = std::make_shared<Loop>();
         /* A helper that comes late finds no index left, and does not touch the body, which may be gone. */
         const auto help = [loop, count, &body] {
             for (std::size_t i = loop->next++; i < count; i = loop->next++) {
                 body(i);
-                if (++loop->done == count) {
-                    const std::lock_guard<std::mutex> lock(loop->mutex);
-                    loop->told.notify_all();
-                }
+                ++loop->done;
             }
         };
         for (std::size_t i = 1; i < count && i <= threads_.size(); ++i) {
             spawn(help);
         }
         help();
-        std::unique_lock<std::mutex> lock(loop->mutex);
-        loop->told.wait(lock, [&] { return loop->done == count; });
+        while (loop->done != count) {
+            std::this_thread::yield();
+        }
     }
 
 private:
