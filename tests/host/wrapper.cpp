@@ -211,7 +211,7 @@ void images(const vrtm::Device &device)
     works("looks at a map", looked_at);
     check_that(looked_at->folds == 0 && looked_at->min_jacobian > 0 && looked_at->sufficient_width == MAP &&
                    looked_at->error_rms > 0 && looked_at->error_rms <= looked_at->error_p99 &&
-                   looked_at->error_p99 <= looked_at->error_max && looked_at->error_max < 1.0 / MAP,
+                   looked_at->error_p99 <= looked_at->error_max && looked_at->error_max < 1.0 / int(MAP),
                "its figures", "");
     refuses("no map", tile.inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
     works("fetch a part", tile.fetch_part(vrtm::FetchKind::redirection, {texel, 1, 1}, 21, 40, MAP, MAP));
