@@ -125,13 +125,7 @@ static void limited(size_t more)
         limit(SIZE_MAX);
         if (status != VRTM_OK) {
             failed += 1;
-            if (status != VRTM_ERROR_OUT_OF_MEMORY) {
-                wrong = vrtm_last_error();
-            } else if (written(&w) != written_before) {
-                wrong = "an output was written";
-            } else if (last_result(&w) != result_before) {
-                wrong = "the last result has changed";
-            }
+            wrong = harm(status, &w, result_before, written_before);
             status = run_plain(k, &w);
         }
         if (wrong == NULL && status != VRTM_OK) {

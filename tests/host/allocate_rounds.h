@@ -100,6 +100,18 @@ static void arm(long n)
 /* Runs a step. */
 static vrtm_status (*run_step)(int, work *) = run_plain;
 
+/* What is wrong after a step that has failed, or null: nothing may have changed since before it. */
+static const char *harm(vrtm_status status, const work *w, uint64_t result_before, uint64_t written_before)
+{
+    if (status != VRTM_ERROR_OUT_OF_MEMORY || strstr(vrtm_last_error(), "out of memory: ") == NULL) {
+        return vrtm_last_error();
+    }
+    if (written(w) != written_before) {
+        return "an output was written";
+    }
+    return last_result(w) != result_before ? "the last result has changed" : NULL;
+}
+
 /* What a run without failures has after each step. */
 static struct {
     uint64_t result, written, booked;
@@ -148,17 +160,7 @@ static long rounds(int backend, const vrtm_allocator *allocator, int persistent,
                 break;
             }
             failed += 1;
-            if (status != VRTM_ERROR_OUT_OF_MEMORY) {
-                wrong = "another status";
-            } else if (strstr(vrtm_last_error(), "out of memory: ") == NULL) {
-                wrong = "another message";
-            } else if (written(&w) != written_before) {
-                wrong = "an output was written";
-            } else if (last_result(&w) != result_before) {
-                wrong = "the last result has changed";
-            } else if (n > 100000) {
-                wrong = "it never succeeds";
-            }
+            wrong = n > 100000 ? "it never succeeds" : harm(status, &w, result_before, written_before);
         }
         if (wrong == NULL && last_result(&w) != expected[k].result) {
             wrong = "the result has other bits";

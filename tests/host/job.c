@@ -33,11 +33,6 @@ static void end(scene made)
     went_well("a scene is destroyed", scene_end(&made));
 }
 
-static vrtm_status fetch(scene of, float *to)
-{
-    return fetch_map(of.tile, to);
-}
-
 static int same(const float *a, const float *b)
 {
     return memcmp(a, b, sizeof first) == 0;
@@ -48,7 +43,7 @@ static int reads_first(scene of)
 {
     vrtm_asset_report report = vrtm_asset_report_init();
     vrtm_tile found;
-    return fetch(of, map) == VRTM_OK && same(first, map) &&
+    return fetch_map(of.tile, map) == VRTM_OK && same(first, map) &&
            vrtm_asset_fetch_corner_uvs(of.asset, 0, corners, CORNERS) == VRTM_OK &&
            vrtm_asset_get_report(of.asset, &report) == VRTM_OK &&
            find_udim(of.asset, 1001, &found) == VRTM_OK;
@@ -181,25 +176,24 @@ static void newest_wins(int of_a_call)
         done += by[k].status == VRTM_OK && vrtm_job_wait(by[k].job, VRTM_FOREVER) == VRTM_OK;
         succeeds("destroy", vrtm_job_destroy(by[k].job));
     }
-    check_that(done >= 1 && fetch(made, map) == VRTM_OK && same(second, map), "the newest pose won", vrtm_last_error());
+    check_that(done >= 1 && fetch_map(made.tile, map) == VRTM_OK && same(second, map), "the newest pose won",
+               vrtm_last_error());
     end(made);
 }
 
-/* What another thread does to the asset whose solve stands at the gate. */
-static void *cancel_held(void *asset)
-{
-    await_solve();
-    const vrtm_status status = vrtm_asset_cancel(*(vrtm_asset *)asset);
-    open_gate();
-    return status == VRTM_OK ? NULL : asset;
-}
+/* What another thread does to an asset whose solve stands at the gate: cancel, or destroy. */
+typedef struct held_asset {
+    vrtm_asset asset;
+    vrtm_status (*call)(vrtm_asset);
+} held_asset;
 
-static void *destroy_held(void *asset)
+static void *call_held(void *data)
 {
+    const held_asset *h = data;
     await_solve();
-    const vrtm_status status = vrtm_asset_destroy(*(vrtm_asset *)asset);
+    const vrtm_status status = h->call(h->asset);
     open_gate();
-    return status == VRTM_OK ? NULL : asset;
+    return status == VRTM_OK ? NULL : data;
 }
 
 static void plain_jobs(void)
@@ -215,7 +209,7 @@ static void plain_jobs(void)
     fails("the asset is busy: submit", vrtm_asset_submit(made.asset, &a, NULL, &again), VRTM_ERROR_BUSY, "using");
     fails("the asset is busy: solve", vrtm_asset_solve(made.asset, &a, NULL), VRTM_ERROR_BUSY, "using");
     fails("the asset is busy: set", vrtm_tile_set_mask(made.tile, NULL), VRTM_ERROR_BUSY, "using");
-    fails("there is no result yet", fetch(made, map), VRTM_ERROR_NOT_SOLVED, "solve first");
+    fails("there is no result yet", fetch_map(made.tile, map), VRTM_ERROR_NOT_SOLVED, "solve first");
     fails("a job that is not done", vrtm_job_wait(job, 0), VRTM_ERROR_TIMEOUT, "not done yet");
     data = progress_of(job);
     check_that(data.state == VRTM_JOB_RUNNING && data.status == VRTM_OK, "it is running", "");
@@ -230,7 +224,7 @@ static void plain_jobs(void)
                "it is done", "");
     succeeds("a cancel comes too late", vrtm_job_cancel(job));
     succeeds("and changes nothing", vrtm_job_wait(job, VRTM_FOREVER));
-    succeeds("fetch", fetch(made, first));
+    succeeds("fetch", fetch_map(made.tile, first));
     succeeds("destroy", vrtm_job_destroy(job));
     fails("destroy twice", vrtm_job_destroy(job), GONE, "job");
     fails("wait for a destroyed job", vrtm_job_wait(job, 0), GONE, "job");
@@ -242,7 +236,7 @@ static void plain_jobs(void)
     /* The same bits as a blocking call's. */
     scene fresh = make(NULL, large);
     succeeds("a blocking solve", vrtm_asset_solve(fresh.asset, &a, NULL));
-    succeeds("and its map", fetch(fresh, map));
+    succeeds("and its map", fetch_map(fresh.tile, map));
     check_that(same(first, map), "a job has the bits of a call", "");
     end(fresh);
 
@@ -259,7 +253,7 @@ static void plain_jobs(void)
     }
     check_that(good, "and until the next one is there", vrtm_last_error());
     succeeds("the next pose", vrtm_job_wait(job, VRTM_FOREVER));
-    succeeds("the next result", fetch(made, second));
+    succeeds("the next result", fetch_map(made.tile, second));
     check_that(!same(first, second), "which is another one", "");
     succeeds("destroy a job that is done", vrtm_job_destroy(job));
 
@@ -272,7 +266,7 @@ static void plain_jobs(void)
     fails("it was cancelled", vrtm_job_wait(job, VRTM_FOREVER), VRTM_ERROR_CANCELLED, "cancelled");
     data = progress_of(job);
     check_that(data.state == VRTM_JOB_DONE && data.status == VRTM_ERROR_CANCELLED, "and says so", "");
-    check_that(fetch(made, map) == VRTM_OK && same(second, map), "the last result stays", "");
+    check_that(fetch_map(made.tile, map) == VRTM_OK && same(second, map), "the last result stays", "");
     close_gate();
     succeeds("the asset can be solved at once", vrtm_asset_submit(made.asset, &a, &options, &again));
     succeeds("destroy the cancelled job", vrtm_job_destroy(job));
@@ -280,10 +274,10 @@ static void plain_jobs(void)
     succeeds("cancel that, too", vrtm_job_cancel(again));
     open_gate();
     succeeds("destroy a job under way", vrtm_job_destroy(again));
-    check_that(fetch(made, map) == VRTM_OK && same(second, map), "the last result stays again", "");
+    check_that(fetch_map(made.tile, map) == VRTM_OK && same(second, map), "the last result stays again", "");
     succeeds("cancel without a solve", vrtm_asset_cancel(made.asset));
     succeeds("solve after all that", vrtm_asset_solve(made.asset, &a, NULL));
-    check_that(fetch(made, map) == VRTM_OK && same(first, map), "with the same bits as before", "");
+    check_that(fetch_map(made.tile, map) == VRTM_OK && same(first, map), "with the same bits as before", "");
 
     /* The asset and the device may go before the job. */
     close_gate();
@@ -347,14 +341,14 @@ static void progress_and_cancelling(void)
     check_that(w.calls > 3 && w.falls == 0 && w.last > 0 && w.last <= 1, "it was told", "");
     check_that(w.busy == 0, "a progress function may read, and not change", "");
     check_that(pthread_equal(w.thread, pthread_self()), "on the calling thread", "");
-    fetch(made, first);
+    fetch_map(made.tile, first);
     memset(&w, 0, sizeof w);
     w.asset = made.asset;
     w.cancel_at = 3;
     a = sheet_positions(other);
     fails("its answer cancels", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_CANCELLED, "cancelled");
     check_that(w.calls == 3, "at once", "");
-    check_that(fetch(made, map) == VRTM_OK && same(first, map), "the last result stays", "");
+    check_that(fetch_map(made.tile, map) == VRTM_OK && same(first, map), "the last result stays", "");
 
     /* In a job: on the job's thread, where waiting for oneself is an error. */
     memset(&w, 0, sizeof w);
@@ -378,15 +372,16 @@ static void progress_and_cancelling(void)
     a = sheet_positions(pose);
     options = through_gate();
     close_gate();
-    pthread_create(&thread, NULL, cancel_held, &made.asset);
+    held_asset by = {made.asset, vrtm_asset_cancel};
+    pthread_create(&thread, NULL, call_held, &by);
     fails("cancelled by another thread", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_CANCELLED, "cancelled");
     pthread_join(thread, NULL);
-    vrtm_asset handle = made.asset;
+    by.call = vrtm_asset_destroy;
     close_gate();
-    pthread_create(&thread, NULL, destroy_held, &made.asset);
-    fails("destroyed by another thread", vrtm_asset_solve(handle, &a, &options), VRTM_ERROR_CANCELLED, "cancelled");
+    pthread_create(&thread, NULL, call_held, &by);
+    fails("destroyed by another thread", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_CANCELLED, "cancelled");
     pthread_join(thread, NULL);
-    fails("the asset is gone", vrtm_asset_solve(handle, &a, NULL), GONE, "no living asset");
+    fails("the asset is gone", vrtm_asset_solve(made.asset, &a, NULL), GONE, "no living asset");
     succeeds("the device is not", vrtm_device_destroy(made.device));
 }
 
@@ -459,22 +454,22 @@ static void a_host_s_threads(void)
     options.progress = count_threads;
     options.progress_user = &most;
     succeeds("solve on a host's threads", vrtm_asset_solve(made.asset, &a, &options));
-    succeeds("fetch on a host's threads", fetch(made, map));
+    succeeds("fetch on a host's threads", fetch_map(made.tile, map));
     check_that(h.loops >= 2 && h.others == 0, "the host's loop was used", "");
     check_that(most == before, "no thread was started", "");
     succeeds("solve on own threads", vrtm_asset_solve(own.asset, &a, NULL));
-    succeeds("fetch on own threads", fetch(own, first));
+    succeeds("fetch on own threads", fetch_map(own.tile, first));
     check_that(same(first, map), "with the same bits", "");
 
     a = sheet_positions(other);
     succeeds("own threads solve another pose", vrtm_asset_solve(own.asset, &a, NULL));
-    succeeds("and fetch it", fetch(own, second));
+    succeeds("and fetch it", fetch_map(own.tile, second));
     succeeds("a job goes to the host's queue", vrtm_asset_submit(made.asset, &a, NULL, &job));
     check_that(h.queued == 1, "once", "");
     fails("nobody has begun it", vrtm_job_wait(job, 20), VRTM_ERROR_TIMEOUT, "not done yet");
     h.task[0](h.data[0], 0);
     succeeds("now it is done", vrtm_job_wait(job, 0));
-    check_that(fetch(made, map) == VRTM_OK && same(second, map), "with the same bits again", "");
+    check_that(fetch_map(made.tile, map) == VRTM_OK && same(second, map), "with the same bits again", "");
     succeeds("destroy it", vrtm_job_destroy(job));
 
     succeeds("another job", vrtm_asset_submit(made.asset, &a, NULL, &job));
