@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
 # Builds the bench, checks that GPU and CPU agree, and prints the time of a solve on this machine's GPU: each time
 # beside the result's error, each stage beside its lower bound. The same goes to benches/results/gpu-NAME.md. Arguments
-# are passed to the bench. Beside it stands the paper's solver. At the end it draws a mesh through its redirection map, in
-# several ways, and whole frames with maps that stay on the GPU, and writes what that costs to
-# benches/results/render-NAME.md:
+# are passed to the bench. Beside it stands the paper's solver. `cargo run --release -p vrtm-render` prints what drawing
+# through the map costs:
 #
 #     benches/gpu.sh                      # all sizes to 4096, about 5 minutes
 #     benches/gpu.sh --sizes 512,2048
@@ -16,7 +15,3 @@ if [ -n "${VRTM_BENCH:-}" ]; then
     exec "$VRTM_BENCH" "$@"
 fi
 cargo bench -p vrtm-benches --bench gpu -- "$@"
-case " $* " in
-*" --counts "*) ;;
-*) cargo bench -p vrtm-benches --bench render ;;
-esac
