@@ -117,7 +117,7 @@ def test_a_cancelled_task_leaves_the_asset_free(asset, model):
 
 
 def test_a_job_cannot_replace_itself(asset, model):
-    """That the newest pose wins is tested in examples/languages."""
+    """Refusals; examples/languages tests that the newest pose wins."""
     held = Held()
     job = asset.submit(model.pose, progress=lambda fraction: held(fraction) or asset.submit(model.rest, replace=True))
     held.go.set()
