@@ -4,7 +4,9 @@ The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, a
 model.
 """
 
+import pathlib
 import subprocess
+import sys
 
 import numpy as np
 
