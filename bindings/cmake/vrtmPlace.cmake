@@ -1,9 +1,10 @@
 # Puts vrtm's library into what a project ships. It is the same for a vrtm that find_package finds and for one that is a
 # subfolder of the project.
 
-# vrtm_install(DESTINATION FOLDER [TARGETS TARGET...] [COMPONENT NAME]): installs the library to FOLDER, as a file with the
-# name by which loaders ask for it. TARGETS are plug-ins and programs that are installed beside it; on Linux and macOS they
-# find it there, wherever the folder is moved to. On Windows a program does so, too; a plug-in's host has to know FOLDER.
+# vrtm_install(DESTINATION FOLDER [TARGETS TARGET...] [COMPONENT NAME]): installs the library to FOLDER, as a file with
+# the name by which loaders ask for it. TARGETS are plug-ins and programs that are installed beside it; on Linux and
+# macOS they find it there, wherever the folder is moved to. On Windows a program does so, too; a plug-in's host has to
+# know FOLDER.
 function(vrtm_install)
   cmake_parse_arguments(PARSE_ARGV 0 place "" "DESTINATION;COMPONENT" "TARGETS")
   if(place_UNPARSED_ARGUMENTS OR NOT place_DESTINATION)
