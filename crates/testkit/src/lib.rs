@@ -6,6 +6,7 @@
 
 // Ordered from the bottom up.
 pub mod long;
+pub mod processor;
 pub mod log;
 pub mod bench;
 pub mod random;
