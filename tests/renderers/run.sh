@@ -64,7 +64,7 @@ if ! limited "$venv/bin/python" "$here/fixture.py" "$work" >"$work/log" 2>&1; th
     say "FAILED renderers: the model cannot be baked"
     finish
 fi
-for name in cycles layers asset normals displacement paper shaders materialx osl oiio usd eevee; do
+for name in cycles layers asset normals displacement shaders materialx osl oiio usd eevee; do
     start=$(date +%s) python=$venv/bin/python
     case $name in cycles | eevee)
         [ -n "$newest" ] || { say "$name skipped: $why" && continue; }

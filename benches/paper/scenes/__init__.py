@@ -1,1 +1,0 @@
-"""Models that stand for the paper's: closed formulas for geometry and poses."""
