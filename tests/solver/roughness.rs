@@ -1,7 +1,7 @@
 //! A smooth motion gives a smooth warp, and noise of the size of f32's rounding is not magnified (method §11.3): the
 //! second difference of W over poses that are 0.5 % of a motion apart, and the change of W under noise in the pose, on
 //! all scenes and assets, both backends, both qualities. `cargo test --test solver roughness:: -- --show-output` shows
-//! the table; `cargo bench -p vrtm-benches --bench roughness` measures larger grids.
+//! the table.
 
 use vrtm::{Device, DeviceSettings, OpenBorders, Quality, Seams};
 use vrtm_testkit::cases::{self, Case};

@@ -82,27 +82,3 @@ pub fn of_positions(cells: &[f64], poses: [&Points; 3]) -> Spread {
         (v, length(&d) / cells[v])
     }))
 }
-
-/// The edges of the mesh that have a length at rest, as pairs of vertices, each once.
-pub fn edges(model: &Model) -> Vec<[usize; 2]> {
-    let mut list: Vec<[usize; 2]> = Vec::new();
-    for face in model.faces() {
-        let corners = &model.indices[face];
-        let next = corners.iter().cycle().skip(1);
-        list.extend(corners.iter().zip(next).map(|(&a, &b)| [a.min(b) as usize, a.max(b) as usize]));
-    }
-    list.sort_unstable();
-    list.dedup();
-    list.retain(|&[a, b]| model.rest[a] != model.rest[b]);
-    list
-}
-
-/// Second difference of the lengths of edges in three poses, over those at rest. Unlike that of positions it is 0 where
-/// parts turn or move as a whole, to which the warp does not respond.
-pub fn of_edges(edges: &[[usize; 2]], rest: &Points, poses: [&Points; 3]) -> Spread {
-    let long = |points: &Points, [a, b]: [usize; 2]| length(&difference(points[a], points[b]));
-    Spread::of(edges.iter().enumerate().map(|(k, &edge)| {
-        let [x, y, z] = poses.map(|pose| long(pose, edge));
-        (k, (z - 2.0 * y + x).abs() / long(rest, edge))
-    }))
-}

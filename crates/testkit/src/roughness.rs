@@ -19,10 +19,10 @@ const NOISE: f64 = 1e-7;
 const SEEDS: u64 = 5;
 
 /// A second difference from here on counts as large, in cells.
-pub const LARGE: f64 = 0.1;
+const LARGE: f64 = 0.1;
 
 /// Displacements of the nodes, in cells.
-pub type Warp = Vec<[f64; 2]>;
+type Warp = Vec<[f64; 2]>;
 
 /// The roughness of one tile's warp near one frame. Lengths are in cells, the larger component of each; nodes that do
 /// not move are left out.
@@ -95,11 +95,11 @@ pub fn way(model: &Model, frame: usize, t: f64) -> Vec<[f64; 3]> {
 }
 
 /// The poses whose warps are compared.
-pub fn poses(model: &Model, frame: usize) -> Vec<Vec<[f64; 3]>> {
+fn poses(model: &Model, frame: usize) -> Vec<Vec<[f64; 3]>> {
     (0..POSES).map(|k| way(model, frame, START + STEP * k as f64)).collect()
 }
 
-pub fn warp(asset: &Asset, tile: usize) -> Warp {
+fn warp(asset: &Asset, tile: usize) -> Warp {
     asset.displacements(tile).unwrap().iter().map(|u| u.map(f64::from)).collect()
 }
 
@@ -115,11 +115,6 @@ fn larger_component(x: [f64; 2]) -> f64 {
 /// The nodes that move in one of the poses.
 pub fn moving(warps: &[Warp]) -> Vec<usize> {
     (0..warps[0].len()).filter(|&n| warps.iter().any(|warp| warp[n] != [0.0; 2])).collect()
-}
-
-/// Distances between the nodes of two warps.
-pub fn apart<'a>(a: &'a Warp, b: &'a Warp) -> impl Iterator<Item = f64> + 'a {
-    a.iter().zip(b).map(|(a, b)| larger_component([a[0] - b[0], a[1] - b[1]]))
 }
 
 impl Smoothness {

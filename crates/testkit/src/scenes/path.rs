@@ -1,4 +1,4 @@
-//! A smooth path of poses through rest and all frames of a model: for benches of shots, and for the viewer's timeline.
+//! A smooth path of poses through rest and all frames of a model: for the viewer's timeline.
 
 /// A cubic Hermite spline in time (Catmull-Rom with tangents for uneven times), at rest at both ends: its velocity is
 /// continuous, and it passes exactly through each key.
@@ -9,20 +9,6 @@ pub struct Path<'a> {
 }
 
 impl<'a> Path<'a> {
-    /// A path through rest and poses, in frames from 1.
-    ///
-    /// # Errors
-    /// If there are fewer frames than keys, or fewer than two keys.
-    pub fn new(keys: Vec<&'a [[f32; 3]]>, frames: usize) -> Result<Path<'a>, String> {
-        if keys.len() < 2 || frames < keys.len() {
-            return Err(format!("{frames} frames for {} keys", keys.len()));
-        }
-        // Keys lie on whole frames: a key between two frames would not be met.
-        let (last, parts) = (frames - 1, keys.len() - 1);
-        let times = (0..=parts).map(|k| 1 + (2 * k * last + parts) / (2 * parts)).collect();
-        Ok(Path { keys, times })
-    }
-
     /// A path that passes through each key at its frame; the frames ascend from 1.
     ///
     /// # Errors
