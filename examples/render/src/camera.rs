@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// The direction from which the mesh is viewed, and the zoom.
+/// The direction from which the mesh is viewed.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     /// Degrees of the viewer around the mesh, and upward.
@@ -10,8 +10,6 @@ pub struct View {
     pub pitch: f64,
     /// True if z points up instead of y.
     pub z_up: bool,
-    /// 1 = the mesh fills the picture; 3 = a third of the mesh fills it.
-    pub zoom: f64,
 }
 
 /// The camera in the layout of `view.wgsl`.
@@ -30,7 +28,7 @@ impl View {
         let bounds = [0, 1, 2].map(|c| bounds(positions.iter().map(|p| f64::from(p[c]))));
         let [x, y, z] = bounds.map(|[low, high]| high - low);
         let (yaw, pitch) = if z < 0.02 * x.max(y) { (0.0, 0.0) } else { (-25.0, 14.0) };
-        View { yaw, pitch, z_up: false, zoom: 1.0 }
+        View { yaw, pitch, z_up: false }
     }
 
     /// Fits these positions into a picture of this size.
@@ -47,7 +45,7 @@ impl View {
         let aspect = f64::from(width) / f64::from(height);
         let size = bounds.map(|[low, high]| (high - low).max(1e-20));
         // Half of the picture's height in units of the mesh, with a margin.
-        let half = 0.53 * size[1].max(size[0] / aspect) / self.zoom;
+        let half = 0.53 * size[1].max(size[0] / aspect);
         // Depth has room for poses that reach farther than these positions.
         let scale = [1.0 / (half * aspect), 1.0 / half, -0.3 / size[2]];
         let centre = bounds.map(|[low, high]| 0.5 * (low + high));

@@ -22,7 +22,6 @@ pub struct Renderer<'a> {
     depth: wgpu::TextureView,
     surface: Vec<wgpu::TextureView>,
     surface_group: wgpu::BindGroup,
-    queries: Option<wgpu::QuerySet>,
 }
 
 /// The maps of one size.
@@ -56,11 +55,6 @@ impl<'a> Renderer<'a> {
         let surface: Vec<_> = SURFACE.map(|format| view(&gpu.target(size, format, read))).into();
         let textures: Vec<_> = surface.iter().map(wgpu::BindingResource::TextureView).collect();
         let surface_group = group(gpu, &layouts.surface, &textures);
-        let queries = gpu.tick.map(|_| {
-            let descriptor =
-                wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 };
-            gpu.device.create_query_set(&descriptor)
-        });
         Ok(Renderer {
             gpu,
             corners: vertices(gpu, corners),
@@ -70,7 +64,6 @@ impl<'a> Renderer<'a> {
             depth: view(&gpu.target(size, DEPTH, wgpu::TextureUsages::empty())),
             surface,
             surface_group,
-            queries,
             layouts,
         })
     }
@@ -81,8 +74,8 @@ impl<'a> Renderer<'a> {
         self.corner_count = corners.len() as u32;
     }
 
-    pub fn pipelines(&self, way: &Way, normals: bool) -> Pipelines {
-        self.layouts.pipelines(self.gpu, way, normals)
+    pub fn pipelines(&self, way: &Way) -> Pipelines {
+        self.layouts.pipelines(self.gpu, way)
     }
 
     pub fn camera(&self, camera: &Camera) -> wgpu::BindGroup {
@@ -90,24 +83,18 @@ impl<'a> Renderer<'a> {
         group(self.gpu, &self.layouts.view, &[buffer.as_entire_binding()])
     }
 
-    /// Uploads the tiles' colours and, if there are any, their normals.
+    /// Uploads the tiles' colours.
     ///
     /// # Errors
     /// A size that the GPU does not support.
-    pub fn material(&self, colours: &[Levels], normals: Option<&[Levels]>) -> Result<wgpu::BindGroup> {
-        let upload = |tiles: &[Levels], format| {
-            let side = tiles[0][0].len().isqrt() as u32;
-            self.gpu
-                .upload("--texture", &Layers { format, side, layers: tiles.iter().map(bytes_of).collect() })
-        };
-        let colours = upload(colours, wgpu::TextureFormat::Rgba8UnormSrgb)?;
-        let flat = [vec![vec![[128, 128, 255, 255]]]];
-        let normals = upload(normals.unwrap_or(&flat), wgpu::TextureFormat::Rgba8Unorm)?;
+    pub fn material(&self, colours: &[Levels]) -> Result<wgpu::BindGroup> {
+        let (format, side) = (wgpu::TextureFormat::Rgba8UnormSrgb, colours[0][0].len().isqrt() as u32);
+        let layers = Layers { format, side, layers: colours.iter().map(bytes_of).collect() };
+        let colours = self.gpu.upload("--texture", &layers)?;
         let sampler = self.sampler(self.gpu.anisotropy());
-        let views = [&colours, &normals].map(wgpu::BindingResource::TextureView);
-        let [colours, normals] = views;
-        let entries = [colours, normals, wgpu::BindingResource::Sampler(&sampler)];
-        Ok(group(self.gpu, &self.layouts.material, &entries))
+        let entries =
+            [wgpu::BindingResource::TextureView(&colours), wgpu::BindingResource::Sampler(&sampler)];
+        Ok(group(self.gpu, &self.layouts.filtered, &entries))
     }
 
     /// Uploads the maps of all tiles at a size.
@@ -167,7 +154,7 @@ impl<'a> Renderer<'a> {
     /// A lost GPU.
     pub fn draw(&self, mut commands: Vec<wgpu::CommandBuffer>, shot: &Shot) -> Result<()> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.record(&mut encoder, shot, [None; 2]);
+        self.record(&mut encoder, shot);
         commands.push(encoder.finish());
         self.gpu.queue.submit(commands);
         self.gpu.wait()
@@ -187,7 +174,7 @@ impl<'a> Renderer<'a> {
             mapped_at_creation: false,
         });
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.record(&mut encoder, shot, [None; 2]);
+        self.record(&mut encoder, shot);
         let layout =
             wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
         encoder.copy_texture_to_buffer(
@@ -200,57 +187,29 @@ impl<'a> Renderer<'a> {
         Ok(bytes.chunks_exact(row as usize).flat_map(|bytes| &bytes[..4 * width as usize]).copied().collect())
     }
 
-    /// Milliseconds per frame over some frames of one submission: by the GPU's own clock if it has one, otherwise from
-    /// submission to completion.
+    /// Milliseconds per frame over some frames of one submission, from that to completion.
     ///
     /// # Errors
     /// A lost GPU.
     pub fn time(&self, shot: &Shot, frames: u32) -> Result<f64> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        for frame in 0..frames {
-            let first = (frame == 0).then_some(0);
-            let last = (frame + 1 == frames).then_some(1);
-            self.record(&mut encoder, shot, [first, last]);
+        for _ in 0..frames {
+            self.record(&mut encoder, shot);
         }
-        // A software driver works on the host's own cores, and its clock misses part of that work.
-        let clock = self.queries.as_ref().zip(self.gpu.tick).filter(|_| !self.gpu.software);
-        let Some((queries, tick)) = clock else {
-            let commands = encoder.finish();
-            let start = Instant::now();
-            self.gpu.queue.submit([commands]);
-            self.gpu.wait()?;
-            return Ok(start.elapsed().as_secs_f64() * 1e3 / f64::from(frames));
-        };
-        let buffer = |usage| {
-            let size = 16;
-            let usage = wgpu::BufferUsages::COPY_DST | usage;
-            let descriptor = wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
-            self.gpu.device.create_buffer(&descriptor)
-        };
-        let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
-        let readable = buffer(wgpu::BufferUsages::MAP_READ);
-        encoder.resolve_query_set(queries, 0..2, &resolved, 0);
-        encoder.copy_buffer_to_buffer(&resolved, 0, &readable, 0, 16);
-        self.gpu.queue.submit([encoder.finish()]);
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&self.gpu.read(&readable)?);
-        Ok(ticks[1].wrapping_sub(ticks[0]) as f64 * tick * 1e-6 / f64::from(frames))
+        let commands = encoder.finish();
+        let start = Instant::now();
+        self.gpu.queue.submit([commands]);
+        self.gpu.wait()?;
+        Ok(start.elapsed().as_secs_f64() * 1e3 / f64::from(frames))
     }
 
-    /// Records a frame's passes, and writes the queries for its begin and end, if given.
-    fn record(&self, encoder: &mut wgpu::CommandEncoder, shot: &Shot, [begin, end]: [Option<u32>; 2]) {
+    /// Records a frame's passes.
+    fn record(&self, encoder: &mut wgpu::CommandEncoder, shot: &Shot) {
         let pipelines = shot.pipelines;
         let picture = self.colour.create_view(&wgpu::TextureViewDescriptor::default());
         let alone = pipelines.screen.is_none();
         let mesh_targets: Vec<_> =
             if alone { vec![attachment(&picture)] } else { self.surface.iter().map(attachment).collect() };
-        let times = |begin: Option<u32>, end: Option<u32>| {
-            let query_set = self.queries.as_ref().filter(|_| begin.is_some() || end.is_some())?;
-            Some(wgpu::RenderPassTimestampWrites {
-                query_set,
-                beginning_of_pass_write_index: begin,
-                end_of_pass_write_index: end,
-            })
-        };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             color_attachments: &mesh_targets,
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
@@ -261,7 +220,6 @@ impl<'a> Renderer<'a> {
                 }),
                 stencil_ops: None,
             }),
-            timestamp_writes: times(begin, end.filter(|_| alone)),
             ..Default::default()
         });
         pass.set_pipeline(&pipelines.mesh);
@@ -278,7 +236,6 @@ impl<'a> Renderer<'a> {
         let Some(screen) = &pipelines.screen else { return };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             color_attachments: &[attachment(&picture)],
-            timestamp_writes: times(None, end),
             ..Default::default()
         });
         pass.set_pipeline(screen);

@@ -9,15 +9,12 @@ const BACKENDS: wgpu::Backends =
 pub struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
-    /// The adapter's own name, and the name with interface and driver.
-    pub adapter: String,
+    /// The adapter's name, with interface and driver.
     pub name: String,
     /// True for a software driver, which has no meaningful times.
     pub software: bool,
     /// True if samplers filter rg32float.
     pub filterable: bool,
-    /// Nanoseconds per timestamp tick, if passes can be timed.
-    pub tick: Option<f64>,
 }
 
 /// A texture of several layers, one for each tile, and its levels.
@@ -50,8 +47,7 @@ impl Gpu {
             .get(number)
             .ok_or_else(|| format!("--adapter {number}: there are {} GPU adapters here", adapters.len()))?;
         let info = adapter.get_info();
-        let wanted = wgpu::Features::FLOAT32_FILTERABLE | wgpu::Features::TIMESTAMP_QUERY;
-        let features = adapter.features() & wanted;
+        let features = adapter.features() & wgpu::Features::FLOAT32_FILTERABLE;
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             required_features: features,
             required_limits: adapter.limits(),
@@ -59,14 +55,11 @@ impl Gpu {
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|error| format!("--adapter {number}: {} cannot be opened: {error}", info.name))?;
-        let tick = f64::from(queue.get_timestamp_period());
         Ok(Gpu {
             device,
-            adapter: info.name.clone(),
             name: format!("{} ({:?}; {} {})", info.name, info.backend, info.driver, info.driver_info),
             software: matches!(info.device_type, wgpu::DeviceType::Cpu | wgpu::DeviceType::Other),
-            filterable: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
-            tick: features.contains(wgpu::Features::TIMESTAMP_QUERY).then_some(tick),
+            filterable: !features.is_empty(),
             queue,
         })
     }

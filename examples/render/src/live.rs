@@ -97,8 +97,8 @@ impl<'a> Live<'a> {
         });
         Ok(Live {
             camera: renderer.camera(&view.camera(&reach, size)),
-            material: renderer.material(colours, None)?,
-            pipelines: renderer.pipelines(&Way::named("forward-delta"), false),
+            material: renderer.material(colours)?,
+            pipelines: renderer.pipelines(&Way::named("forward-delta")),
             map: renderer.map(&texture),
             gpu,
             triangles,

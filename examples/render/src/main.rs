@@ -14,6 +14,7 @@ use clap::Parser;
 use vrtm::DeviceSettings;
 use vrtm_render::camera::View;
 use vrtm_render::difference::{self, difference};
+use vrtm_render::draw::Shot;
 use vrtm_render::gpu::Gpu;
 #[cfg(target_os = "linux")]
 use vrtm_render::live::{self, Live, Times, Transport};
@@ -45,15 +46,9 @@ struct Args {
     /// Texels on a side of the redirection map, a power of two.
     #[arg(long, value_name = "N", default_value_t = 2048)]
     map: u32,
-    /// Light with a normal map, whose tangents follow the redirected UVs. Pictures are not compared then.
-    #[arg(long)]
-    normals: bool,
     /// Degrees around the mesh, and upward.
     #[arg(long, value_name = "YAW,PITCH", allow_hyphen_values = true, value_parser = pair)]
     view: Option<[f64; 2]>,
-    /// Size of the mesh relative to the picture.
-    #[arg(long, value_name = "X", default_value_t = 1.0)]
-    zoom: f64,
     /// Z points up, not y.
     #[arg(long)]
     z_up: bool,
@@ -101,16 +96,10 @@ fn run(args: &Args) -> Result<()> {
             return Err(format!("{name} {side}: not a power of two"));
         }
     }
-    if !(args.zoom > 0.0 && args.zoom.is_finite()) {
-        return Err(format!("--zoom {}: not more than 0", args.zoom));
-    }
     let gpu = Gpu::open(args.adapter)?;
     gpu.check("--map", args.map, 1)?;
-    gpu.check(
-        "--texture, and twice that for the one that is warped beforehand",
-        args.texture.saturating_mul(if args.normals { 1 } else { 2 }),
-        1,
-    )?;
+    let twice = args.texture.saturating_mul(2);
+    gpu.check("--texture, and twice that for the one that is warped beforehand", twice, 1)?;
     let model = match &args.asset {
         Some(folder) => Model::folder(folder)?,
         None => Model::scene(&args.scene)?,
@@ -120,13 +109,13 @@ fn run(args: &Args) -> Result<()> {
     }
     let frame = args.frame.unwrap_or(model.frames.len());
     let side = args.texture as usize;
-    let stage = Stage::new(&model, frame, side, args.normals, &DeviceSettings::default())?;
+    let stage = Stage::new(&model, frame, side, &DeviceSettings::default())?;
 
     let renderer = stage.renderer(&gpu, args.size)?;
     let camera = stage.camera(&renderer, &view(args, &stage.positions), args.size);
-    let material = renderer.material(&stage.colours, stage.normals.as_deref())?;
+    let material = renderer.material(&stage.colours)?;
     let maps = renderer.maps(&stage.solved, args.map)?;
-    let pipelines: Vec<_> = ways::ALL.iter().map(|way| renderer.pipelines(way, args.normals)).collect();
+    let pipelines: Vec<_> = ways::ALL.iter().map(|way| renderer.pipelines(way)).collect();
     let shots: Vec<_> = ways::ALL
         .iter()
         .zip(&pipelines)
@@ -135,27 +124,17 @@ fn run(args: &Args) -> Result<()> {
 
     create(&args.out)?;
     let save = |name: &str, texels: &[u8]| save(&args.out.join(name), args.size, texels);
-    let reference = match &stage.warped {
-        None => None,
-        Some(warped) => {
-            let warped = renderer.material(warped, None)?;
-            let pipelines = renderer.pipelines(&ways::ORIGINAL, false);
-            let picture = renderer.picture(&shot(&ways::ORIGINAL, &pipelines, &camera, &warped, &maps))?;
-            save("reference.png", &picture)?;
-            Some(picture)
-        }
-    };
+    // The warped texture, with the original UVs.
+    let warped = renderer.material(&stage.warped)?;
+    let reference = renderer.picture(&Shot { material: &warped, ..shots[0] })?;
+    save("reference.png", &reference)?;
     let mut lines = Vec::new();
     for (way, shot) in ways::ALL.iter().zip(&shots) {
         let picture = renderer.picture(shot)?;
         save(&format!("{}.png", way.name), &picture)?;
-        let mut line = String::new();
-        if let Some(reference) = &reference {
-            save(&format!("{}.difference.png", way.name), &difference::picture(&picture, reference))?;
-            let d = difference(&picture, reference);
-            line = format!("{:9.2} {:5} {:5}", d.mean, d.p99, d.max);
-        }
-        lines.push(line);
+        save(&format!("{}.difference.png", way.name), &difference::picture(&picture, &reference))?;
+        let d = difference(&picture, &reference);
+        lines.push(format!("{:9.2} {:5} {:5}", d.mean, d.p99, d.max));
     }
     let times = medians(&renderer, &shots, 9, args.frames.max(1))?;
     let clock = if gpu.software { ", a software driver: its times say nothing about GPUs" } else { "" };
@@ -163,7 +142,7 @@ fn run(args: &Args) -> Result<()> {
     println!("{:18} {:>9} {:>9} {:>5} {:>5}  map", "way", "ms/frame", "mean", "99 %", "max");
     for ((way, line), ms) in ways::ALL.iter().zip(lines).zip(times) {
         let Way { name, .. } = way;
-        println!("{name:18} {ms:9.3} {line:21}  {}", way.reads(gpu.filterable));
+        println!("{name:18} {ms:9.3} {line}  {}", way.reads(gpu.filterable));
     }
     println!("differences, of 255, are from reference.png; written to {}", args.out.display());
     Ok(())
@@ -215,7 +194,7 @@ fn live(_: &Args, _: &Gpu, _: &Model, _: usize) -> Result<()> {
 
 /// The view that the options ask for.
 fn view(args: &Args, positions: &[[f32; 3]]) -> View {
-    let view = View { zoom: args.zoom, z_up: args.z_up, ..View::of(positions) };
+    let view = View { z_up: args.z_up, ..View::of(positions) };
     args.view.map_or(view, |[yaw, pitch]| View { yaw, pitch, ..view })
 }
 

@@ -2,8 +2,8 @@
 
 use half::f16;
 use vrtm::{
-    Asset, Device, DeviceSettings, ExternalImage, FetchKind, ImageLayout, ImageView, ImageViewMut, MapDesc,
-    MapReport, Origin, PixelFormat, SolveOptions, Strided, TileSettings,
+    Asset, Device, DeviceSettings, ExternalImage, FetchKind, ImageLayout, ImageView, ImageViewMut, Origin,
+    PixelFormat, SolveOptions, Strided, TileSettings,
 };
 
 use super::model::Model;
@@ -39,10 +39,8 @@ impl Solved {
         for maps in &model.tiles {
             let Some(tile) = asset.find_tile(maps.udim) else { continue };
             let layout = ImageLayout::packed(maps.width, maps.height, PixelFormat::U8);
-            let view = |bytes| ImageView::new("map", bytes, layout);
-            asset.tile_mut(tile).set_rigidity(Some(view(&maps.rigidity).map_err(said)?)).map_err(said)?;
-            let mask = maps.mask.as_ref().map(|mask| view(mask)).transpose().map_err(said)?;
-            asset.tile_mut(tile).set_mask(mask).map_err(said)?;
+            let map = ImageView::new("map", &maps.rigidity, layout).map_err(said)?;
+            asset.tile_mut(tile).set_rigidity(Some(map)).map_err(said)?;
         }
         let tiles = 0..asset.tile_count();
         let udims = tiles.map(|tile| asset.tile_mut(tile).info().map(|info| info.udim));
@@ -134,21 +132,6 @@ impl Solved {
         // SAFETY: the caller's promise.
         unsafe { self.asset.tile(tile).fetch_external(FetchKind::RedirectionDelta, image) }
             .map_err(|error| format!("tile {}: {error}", self.udims[tile]))
-    }
-
-    /// The accuracy of a tile's map under bilinear lookup: of the redirection within the tile in f32, or of the delta
-    /// in f16.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
-    pub fn inspect(&self, tile: usize, side: u32, delta: bool) -> Result<MapReport> {
-        let (kind, format) = match delta {
-            true => (FetchKind::RedirectionDelta, PixelFormat::F16),
-            false => (FetchKind::Redirection, PixelFormat::F32),
-        };
-        let desc = MapDesc { kind, format, size: [side; 2] };
-        let report = self.asset.tile(tile).inspect_map(&desc);
-        report.map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
     /// The warped position of each node of a tile's grid, and the cells of the grid in u and v.

@@ -46,15 +46,10 @@ pub fn levels<T: Copy + Default + Send + Sync>(finest: Vec<T>, mean: fn([T; 4]) 
     levels
 }
 
-/// The mean of sRGB colours, as light; that of alpha as a plain number.
+/// The mean of opaque sRGB colours, as light.
 pub fn mean_colour(texels: [[u8; 4]; 4]) -> [u8; 4] {
     let light = |c: usize| texels.iter().map(|texel| LIGHT[texel[c] as usize]).sum::<f32>() / 4.0;
-    [encoded(light(0)), encoded(light(1)), encoded(light(2)), mean_bytes(texels)[3]]
-}
-
-/// The mean of plain numbers.
-pub fn mean_bytes(texels: [[u8; 4]; 4]) -> [u8; 4] {
-    [0, 1, 2, 3].map(|c| ((texels.iter().map(|texel| u32::from(texel[c])).sum::<u32>() + 2) / 4) as u8)
+    [encoded(light(0)), encoded(light(1)), encoded(light(2)), 255]
 }
 
 pub fn mean_uv(texels: [[f32; 2]; 4]) -> [f32; 2] {

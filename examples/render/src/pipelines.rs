@@ -13,8 +13,7 @@ pub const SURFACE: [wgpu::TextureFormat; 3] =
 /// The layouts of the bind groups, in the order of their numbers in the shaders.
 pub struct Layouts {
     pub view: wgpu::BindGroupLayout,
-    pub material: wgpu::BindGroupLayout,
-    /// A map that a sampler filters.
+    /// A texture that a sampler filters: the colours, or a map.
     pub filtered: wgpu::BindGroupLayout,
     /// A map whose texels are loaded.
     pub loaded: wgpu::BindGroupLayout,
@@ -60,15 +59,14 @@ impl Layouts {
         };
         Layouts {
             view: group(&[uniform]),
-            material: group(&[layers(true), layers(true), sampler]),
             filtered: group(&[layers(true), sampler]),
             loaded: group(&[layers(false)]),
             surface: group(&[plain; 3]),
         }
     }
 
-    /// The pipelines of a way; `normals` with a normal map.
-    pub fn pipelines(&self, gpu: &Gpu, way: &Way, normals: bool) -> Pipelines {
+    /// The pipelines of a way.
+    pub fn pipelines(&self, gpu: &Gpu, way: &Way) -> Pipelines {
         let by_hand = way.map == Map::AbsoluteByHand || way.map == Map::Absolute && !gpu.filterable;
         let redirected = |lookup: &str| format!("{lookup}\n{}", include_str!("redirect.wgsl"));
         let lookup = match way.map {
@@ -89,12 +87,12 @@ impl Layouts {
             _ => Some(&self.filtered),
         };
         let flag = |name: &'static str, set: bool| (name, f64::from(u8::from(set)));
-        let mut constants = vec![flag("NORMALS", normals), flag("EXPLICIT", way.explicit)];
+        let mut constants = vec![flag("EXPLICIT", way.explicit)];
         if way.map != Map::None {
             constants.push(flag("DELTA", matches!(way.map, Map::Delta | Map::DeltaMips)));
         }
         let pass = Pass { gpu, module: &module, constants: &constants };
-        let groups = [Some(&self.view), Some(&self.material), map];
+        let groups = [Some(&self.view), Some(&self.filtered), map];
         if way.deferred {
             let screen = [groups[0], groups[1], groups[2], Some(&self.surface)];
             Pipelines {

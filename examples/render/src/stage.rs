@@ -19,40 +19,25 @@ pub struct Stage {
     pub solved: Solved,
     pub corners: Vec<Corner>,
     pub colours: Vec<Levels>,
-    pub normals: Option<Vec<Levels>>,
-    /// The colours to draw with the original UVs; `None` with a normal map, whose normals would have to be rotated as
-    /// well.
-    pub warped: Option<Vec<Levels>>,
+    /// The colours to draw with the original UVs.
+    pub warped: Vec<Levels>,
 }
 
 impl Stage {
-    /// Solves a frame of a model (numbered from 1), and paints textures of `side` texels.
+    /// Solves a frame of a model (numbered from 1), and paints textures of `side` texels, a power of two.
     ///
     /// # Errors
-    /// The errors of vrtm; an unknown frame; a side that is not a power of two.
-    pub fn new(
-        model: &Model,
-        frame: usize,
-        side: usize,
-        normals: bool,
-        settings: &DeviceSettings,
-    ) -> Result<Stage> {
-        if !side.is_power_of_two() {
-            return Err(format!("--texture {side}: not a power of two"));
-        }
+    /// The errors of vrtm; an unknown frame.
+    pub fn new(model: &Model, frame: usize, side: usize, settings: &DeviceSettings) -> Result<Stage> {
         let positions = model.frame(frame)?.to_vec();
         let solved = Solved::new(model, &positions, settings)?;
         let rigidity = |udim: &u32| model.tiles.iter().find(|tile| tile.udim == *udim);
-        let tiles: Vec<_> = solved.udims.iter().map(rigidity).collect();
-        let colours: Vec<Levels> = tiles.iter().map(|&tile| texture::colours(tile, side)).collect();
-        let normals = normals.then(|| tiles.iter().map(|&tile| texture::normals(tile, side)).collect());
+        let tiles = solved.udims.iter().map(rigidity);
+        let colours: Vec<Levels> = tiles.map(|tile| texture::colours(tile, side)).collect();
         let warp = |(tile, colours)| reference::warped(&solved, tile, colours);
-        let warped = match &normals {
-            Some(_) => None,
-            None => Some(colours.iter().enumerate().map(warp).collect::<Result<_>>()?),
-        };
+        let warped = colours.iter().enumerate().map(warp).collect::<Result<_>>()?;
         let corners = surface::corners(&model.mesh.triangles(), &positions, &solved.udims);
-        Ok(Stage { positions, solved, corners, colours, normals, warped })
+        Ok(Stage { positions, solved, corners, colours, warped })
     }
 
     pub fn renderer<'a>(&self, gpu: &'a Gpu, size: [u32; 2]) -> Result<Renderer<'a>> {

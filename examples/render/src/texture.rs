@@ -1,5 +1,5 @@
-//! The painted texture of a tile, made from its rigidity: studs with crossing lines, raised in the normal map, over a
-//! coloured checker with a ring in each square, so that errors are visible. Rows run from v = 0 upward.
+//! The painted texture of a tile, made from its rigidity: studs with crossing lines over a coloured
+//! checker with a ring in each square, so that errors are visible. Rows run from v = 0 upward.
 
 use super::{fill_rows, mips};
 use vrtm_testkit::scenes::TileMaps;
@@ -10,7 +10,7 @@ const LINES: f32 = 128.0;
 /// Rigidity at which a stud's outline lies.
 const OUTLINE: f32 = 0.5;
 
-/// A texture with all its levels: colours (sRGB), or normals.
+/// The colours of a texture, in sRGB, with all its levels.
 pub type Levels = Vec<Vec<[u8; 4]>>;
 
 /// The colours of a tile; it may lack a rigidity map.
@@ -25,24 +25,6 @@ pub fn colours(tile: Option<&TileMaps>, side: usize) -> Levels {
         }
     });
     mips::levels(texels, mips::mean_colour)
-}
-
-/// The normals of a tile, whose studs are raised.
-pub fn normals(tile: Option<&TileMaps>, side: usize) -> Levels {
-    let rigidity = tile.map(Rigidity::new);
-    let mut texels = vec![[128, 128, 255, 255]; side * side];
-    fill_rows(&mut texels, side, |y, row| {
-        for (x, texel) in row.iter_mut().enumerate() {
-            let uv = [x, y].map(|k| (k as f32 + 0.5) / side as f32);
-            let Some(map) = &rigidity else { continue };
-            // Height in texels of the rigidity map.
-            let [du, dv] = map.slope(uv).map(|slope| -2.5 * slope);
-            let length = (du * du + dv * dv + 1.0).sqrt();
-            let [r, g, b] = [du, dv, 1.0].map(|c| ((c / length * 0.5 + 0.5) * 255.0).round() as u8);
-            *texel = [r, g, b, 255];
-        }
-    });
-    mips::levels(texels, mips::mean_bytes)
 }
 
 /// Light at a UV.

@@ -25,11 +25,9 @@ pub struct Way {
     pub explicit: bool,
 }
 
-/// The original UVs, as the mesh is drawn without vrtm.
-pub const ORIGINAL: Way = way("original", Map::None, false, false);
-
+/// The first one has the original UVs, as the mesh is drawn without vrtm.
 pub const ALL: [Way; 9] = [
-    ORIGINAL,
+    way("original", Map::None, false, false),
     way("forward", Map::Absolute, false, true),
     way("forward-implicit", Map::Absolute, false, false),
     way("forward-by-hand", Map::AbsoluteByHand, false, true),

@@ -16,7 +16,7 @@ const SIZE: [u32; 2] = [320, 240];
 fn stage(scene: &str, frame: usize) -> Stage {
     let model = Model::scene(scene).unwrap();
     let settings = DeviceSettings { backend: Backend::Cpu, ..DeviceSettings::default() };
-    Stage::new(&model, frame, 1024, false, &settings).unwrap()
+    Stage::new(&model, frame, 1024, &settings).unwrap()
 }
 
 /// Draws in one of the ways.
@@ -36,7 +36,7 @@ impl<'a> Drawn<'a> {
 
     fn picture(&self, name: &str, material: &wgpu::BindGroup) -> Vec<u8> {
         let way = ways::ALL.iter().find(|way| way.name == name).unwrap();
-        let pipelines = self.renderer.pipelines(way, false);
+        let pipelines = self.renderer.pipelines(way);
         self.renderer.picture(&shot(way, &pipelines, &self.camera, material, &self.maps)).unwrap()
     }
 }
@@ -46,8 +46,8 @@ fn redirected_pictures_are_those_of_a_warped_texture() {
     let Some(gpu) = super::open() else { return };
     let stage = stage("mug_to_jug", 5);
     let drawn = Drawn::new(&gpu, &stage, &View::of(&stage.positions));
-    let material = drawn.renderer.material(&stage.colours, None).unwrap();
-    let warped = drawn.renderer.material(stage.warped.as_ref().unwrap(), None).unwrap();
+    let material = drawn.renderer.material(&stage.colours).unwrap();
+    let warped = drawn.renderer.material(&stage.warped).unwrap();
     let reference = drawn.picture("original", &warped);
     let covered = reference.chunks_exact(4).filter(|texel| texel[3] == 255).count();
     assert!(covered > 10_000, "the mesh covers {covered} pixels");
@@ -97,8 +97,7 @@ fn a_map_with_mips_is_worse() {
     let painted = vec![bands(1024)];
     let mut warped = reference::warped(&stage.solved, 0, &painted[0]).unwrap();
     warped.truncate(1);
-    let [painted, warped] =
-        [painted, vec![warped]].map(|levels| drawn.renderer.material(&levels, None).unwrap());
+    let [painted, warped] = [painted, vec![warped]].map(|levels| drawn.renderer.material(&levels).unwrap());
     let reference = drawn.picture("original", &warped);
     let from_reference = |name: &str| difference(&drawn.picture(name, &painted), &reference);
     let [original, level_0, mips] = ["original", "forward-delta", "forward-mips"].map(from_reference);
