@@ -7,7 +7,6 @@
 #![allow(missing_docs)]
 
 mod claims;
-mod cost;
 mod efforts;
 mod machine;
 mod oracle;
@@ -54,9 +53,6 @@ struct Args {
     /// Without the reference: gaps are then relative to the lowest of the results.
     #[arg(long)]
     no_reference: bool,
-    /// Grid sizes for which the time per node is measured.
-    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
-    sizes: Vec<u32>,
     /// Folder for the results.
     #[arg(long, default_value = "benches/results")]
     out: PathBuf,
@@ -72,7 +68,6 @@ fn main() -> ExitCode {
         args.quick = true;
         args.grid = args.grid.min(64);
         args.repeats = args.repeats.min(2);
-        args.sizes = vec![64];
         if args.scenes.is_empty() {
             args.scenes = vec!["bulge".into()];
         }
@@ -96,18 +91,13 @@ fn run(args: &Args) -> Result<(), String> {
         eprintln!("{:6.0} s  {}", start.elapsed().as_secs_f64(), case.name);
         done.push(Done::new(case, ran)?);
     }
-    let node = cost::node_update(args.grid.min(512), 3 * args.repeats)?;
-    let solves = |grid: u32| if grid > 2048 { 1 } else { 3 };
-    let sizes = args.sizes.iter().map(|&grid| cost::size_cost(grid, solves(grid)));
-    let sizes = sizes.collect::<Result<Vec<_>, String>>()?;
-    eprintln!("{:6.0} s  cost of a node", start.elapsed().as_secs_f64());
     if !args.no_reference {
         oracle::consult(&mut done)?;
         eprintln!("{:6.0} s  reference", start.elapsed().as_secs_f64());
     }
     let rows: Vec<Row> = done.iter().flat_map(Done::rows).collect();
     let claims = claims::claims(&rows);
-    let text = table::text(&machine, &done, &rows, &claims, node, &sizes);
+    let text = table::text(&machine, &done, &rows, &claims);
     println!("{text}");
     if !args.bench {
         return Ok(());

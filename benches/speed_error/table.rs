@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use crate::claims::{BAR, Claim};
-use crate::cost::SizeCost;
 use crate::machine::Machine;
 use crate::oracle::Done;
 use crate::rows::Row;
@@ -11,41 +10,8 @@ use crate::rows::Row;
 const NAMED: [&str; 3] = ["draft", "normal", "7 corrections"];
 
 /// Formats all results of a run as text.
-pub fn text(
-    machine: &Machine,
-    done: &[Done],
-    rows: &[Row],
-    claims: &[Claim],
-    node: f64,
-    sizes: &[SizeCost],
-) -> String {
-    let mut text = format!("# Speed against error\n\n{}\n\n", machine.text());
-    text += &scenes(done, rows);
-    text += &claimed(claims);
-    let _ = write!(
-        text,
-        "\n## A node update\n\nOn the finest level of the bulge the library's relaxation takes {node:.1} ns (f32, all \
-         cores, in `draft`).\n",
-    );
-    if !sizes.is_empty() {
-        text += "\n## Cost over size\n\n`normal` on the bulge, CPU.\n\n\
-                 | grid | active nodes | ms | ns per node | node updates per node | bytes per node |\n\
-                 |---|---|---|---|---|---|\n";
-        for size in sizes {
-            let per_node = |x: f64| x / size.nodes as f64;
-            let _ = writeln!(
-                text,
-                "| {}² | {} | {:.0} | {:.0} | {:.1} | {:.0} |",
-                size.grid,
-                size.nodes,
-                size.ms,
-                per_node(size.ms * 1e6),
-                per_node(size.node_updates as f64),
-                per_node(size.bytes as f64)
-            );
-        }
-    }
-    text
+pub fn text(machine: &Machine, done: &[Done], rows: &[Row], claims: &[Claim]) -> String {
+    format!("# Speed against error\n\n{}\n\n", machine.text()) + &scenes(done, rows) + &claimed(claims)
 }
 
 /// Strain and time per scene: of the original UVs, of the named qualities, and of the best row of pbd.
