@@ -6,8 +6,7 @@
 #
 #     benches/gpu.sh                      # all sizes to 4096, about 5 minutes
 #     benches/gpu.sh --sizes 512,2048
-#     benches/gpu.sh --software           # on a software driver: correct, but its times say nothing
-#     benches/gpu.sh --counts --sizes 512,1024,2048,4096    # dispatches and bytes only, to gpu-counts.md; any driver will do
+#     benches/gpu.sh --software           # on a software driver: dispatches and bytes are a GPU's, and times say nothing
 #     VRTM_BENCH=path/to/gpu benches/gpu.sh    # with a program built elsewhere
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -3,7 +3,6 @@
 #![allow(missing_docs)]
 
 mod ceiling;
-mod counts;
 mod parity;
 mod table;
 mod warm;
@@ -34,10 +33,6 @@ struct Args {
     /// Measure even on a software driver.
     #[arg(long)]
     software: bool,
-    /// Count instead of measuring, and write to gpu-counts.md: dispatches, barriers and bytes are the same on any
-    /// driver.
-    #[arg(long)]
-    counts: bool,
     /// Folder for the tables.
     #[arg(long, default_value = "benches/results")]
     out: PathBuf,
@@ -53,15 +48,12 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<(), String> {
     let adapters = vrtm::adapters();
     let adapter = adapters.get(args.adapter as usize).ok_or("there is no such GPU adapter here")?;
-    if adapter.software && !args.software && !args.counts {
+    if adapter.software && !args.software {
         return Err(format!("{} is a software driver: --software measures it all the same", adapter.name));
     }
     let settings =
         DeviceSettings { backend: Backend::Gpu, adapter: args.adapter, ..DeviceSettings::default() };
     let device = Device::new(&settings).map_err(|error| error.to_string())?;
-    if args.counts {
-        return bench::write(&args.out.join("gpu-counts.md"), &counts::table(&device, &args.sizes)?);
-    }
     let mut text = String::new();
     let mut say = |part: String| {
         print!("{part}");

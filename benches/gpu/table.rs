@@ -41,13 +41,13 @@ fn median(values: &mut [f32]) -> f32 {
     values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
-pub fn draft() -> SolveOptions {
+fn draft() -> SolveOptions {
     SolveOptions { quality: Quality::Draft, ..SolveOptions::default() }
 }
 
 /// The paper's solver. It says that an iteration is 70 passes, which is one iteration on each level, and not how many a
 /// frame has; 16 on each level are this library's default.
-pub fn paper(iterations: u32) -> SolveOptions {
+fn paper(iterations: u32) -> SolveOptions {
     let pbd = PbdSettings { iterations, ..PbdSettings::default() };
     SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() }
 }
@@ -172,13 +172,16 @@ pub fn kernels(device: &Device, size: u32, solves: usize, ceiling: f64) -> Resul
     let of_all = median(&mut works.iter().filter_map(|work| work.gpu_ms).collect::<Vec<_>>());
     let mut text = format!(
         "\n`normal` at {size}², kernel by kernel, one after the other, medians with a warm GPU (clock {clock}): {of_all:.2} ms, the \
-         first {:.2} ms; {} dispatches, {} more that no chart needed, {} submissions, {:.2} GB.\n\n\
+         first {:.2} ms; {} dispatches, {} more that no chart needed, \
+         {} barriers, {} submissions, {:.2} GB, {:.2} GB held.\n\n\
          | kernel | dispatches | blocks | MB | ms | floor, ms |\n|---|---|---|---|---|---|\n",
         first.gpu_ms.unwrap_or(f32::NAN),
         work.dispatches(),
         work.skipped,
+        work.barriers,
         work.submissions,
-        work.bytes() as f64 * 1e-9
+        work.bytes() as f64 * 1e-9,
+        work.bytes_held as f64 * 1e-9
     );
     for kernel in &work.kernels {
         let _ = writeln!(

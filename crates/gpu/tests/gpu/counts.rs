@@ -1,6 +1,6 @@
 //! Work that a solve gives to a GPU, in counts that are the same on any driver: dispatches, empty dispatches,
-//! submissions, bytes moved and bytes held. They stand here so that they cannot rise unseen; `benches/gpu.sh --counts`
-//! has them in full.
+//! submissions, bytes moved and bytes held. They stand here so that they cannot rise unseen; `benches/gpu.sh
+//! --software` has them kernel by kernel.
 
 use vrtm::{DeviceSettings, Quality};
 use vrtm_testkit::{self, Model, assets, options, scenes};
