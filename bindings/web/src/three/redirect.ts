@@ -1,0 +1,184 @@
+/** Meshes of three.js whose textures keep their shape while they deform. */
+import {
+  DataTexture, DataUtils, HalfFloatType, LinearFilter, RGFormat, RepeatWrapping, Vector2, type Material, type Mesh,
+  type Skeleton, type SkinnedMesh,
+} from "three";
+import type { Options, Redirected as Result, Report, Settings, Texels } from "../index.js";
+import { WorkerAsset, type WorkerSettings } from "../worker_asset.js";
+import { Source, type SourceOptions } from "./geometry.js";
+import { patch, replace, type Uniforms } from "./material.js";
+
+export type { Result };
+
+export interface RedirectSettings extends SourceOptions, WorkerSettings {
+  /** What is rigid: `size` rows of `size` texels, the first one is the image's first row. */
+  rigidity: Texels;
+  size: number;
+  /** Quality of updates that name none. By default `normal`. */
+  quality?: Options["quality"];
+  scale?: Options["scale"];
+  /** Cells of the grid along each side, and further settings of the tile. */
+  grid?: number;
+  settings?: Settings;
+  /** Texels of the redirection map along each side. By default those of the rigidity, at most 512. */
+  mapSize?: number;
+  /** Draw the pose that the map belongs to, and not a newer one, so that paint does not swim. By default true. */
+  hold?: boolean;
+}
+
+/** Prepares meshes that share a set of textures, in a worker of their own. They look as before until the first `update`. */
+export async function redirect(meshes: Mesh | Mesh[], settings: RedirectSettings): Promise<Redirected> {
+  const { rigidity, size, grid, worker, wasm, log } = settings;
+  const all = [meshes].flat();
+  const source = new Source(all, settings);
+  const asset = await WorkerAsset.create(source.mesh, { worker, wasm, log });
+  try {
+    await asset.setSettings(0, { grid, ...settings.settings });
+    await asset.setRigidity(0, rigidity, size, size);
+    return new Redirected(all, source, asset, settings);
+  } catch (error) {
+    void asset.free();
+    throw error;
+  }
+}
+
+/** What a mesh is drawn with in place of its newest pose. */
+interface Shown {
+  skeleton?: Skeleton;
+  influences?: number[];
+}
+
+export class Redirected {
+  /** `strength.value`, 0 to 1, fades from own UVs to redirected ones; pixels left of `wipe.value` have own UVs. */
+  readonly uniforms: Uniforms;
+  /** Report of the last map, and the map: two half floats per texel, the first row at v = 1. */
+  report: Report | null = null;
+  delta: Uint16Array;
+  readonly mapSize: number;
+  #size: number;
+  #texture: DataTexture;
+  #shown: Shown[];
+  #undo: (() => void)[];
+  #settings: RedirectSettings;
+
+  /** @internal */
+  constructor(readonly meshes: readonly Mesh[], readonly source: Source, readonly asset: WorkerAsset, settings: RedirectSettings) {
+    const { size, uv, mapSize = Math.min(size, 512), hold = true } = settings;
+    this.#settings = settings;
+    this.#size = size;
+    this.mapSize = mapSize;
+    this.delta = new Uint16Array(2 * mapSize * mapSize);
+    this.#texture = new DataTexture(this.delta, mapSize, mapSize, RGFormat, HalfFloatType);
+    this.#texture.magFilter = this.#texture.minFilter = LinearFilter;
+    // UVs of charts that repeat the tile are outside of it.
+    this.#texture.wrapS = this.#texture.wrapT = RepeatWrapping;
+    this.#texture.needsUpdate = true;
+    this.uniforms = { map: { value: this.#texture }, strength: { value: 1 }, wipe: { value: 0 } };
+    const materials = new Set<Material>(meshes.flatMap(({ material }) => material));
+    this.#undo = [...materials].map((material) => patch(material, this.uniforms, { uv, flipY: source.flipY }));
+    this.#shown = meshes.map(() => ({}));
+    if (hold) {
+      meshes.forEach((mesh, k) => this.#undo.push(...show(mesh, this.#shown[k])));
+    }
+  }
+
+  /** Solves for the present pose, and shows it with its map. The newest pose wins: `null` if one came before the turn of
+   * this one, or after `dispose`. */
+  async update(quality = this.#settings.quality, options: Options = {}): Promise<Result | null> {
+    const pose = this.source.pose();
+    const held = this.meshes.map(capture);
+    const { scale } = this.#settings;
+    const [width, height] = [this.mapSize, this.mapSize];
+    const result = await this.asset
+      .redirect(pose, { quality, scale, ...options }, [{ tile: 0, kind: "delta", width, height, half: true }])
+      .catch((error) => {
+        if (this.#undo.length > 0) {
+          throw error;
+        }
+        return null;
+      });
+    if (!result || this.#undo.length === 0) {
+      return null;
+    }
+    this.report = result.reports[0];
+    this.delta = this.#texture.image.data = result.images[0] as Uint16Array;
+    this.#texture.needsUpdate = true;
+    held.forEach((call, k) => call(this.#shown[k]));
+    return result;
+  }
+
+  /** Sets what is rigid, for the next `update`. */
+  setRigidity(values: Texels, size = this.#size): Promise<void> {
+    this.#size = size;
+    return this.asset.setRigidity(0, values, size, size);
+  }
+
+  /** Replaces a part of it: first column and row, columns and rows. `values` is the whole map. */
+  updateRigidity(values: Texels, part: number[]): Promise<void> {
+    return this.asset.updateRigidity(0, values, this.#size, this.#size, part);
+  }
+
+  /** The UV that a place of the mesh, as a ray hits it, has its paint from. */
+  uvAt(uv: { x: number; y: number }): Vector2 {
+    const { source: { flipY }, mapSize: n, delta } = this;
+    const [x, y] = [uv.x, flipY ? 1 - uv.y : uv.y].map((t) => t * n - 0.5);
+    const [i, j] = [Math.floor(x), Math.floor(y)];
+    const wrap = (k: number) => ((k % n) + n) % n;
+    const moved = [0, 1].map((channel) => {
+      const at = (i: number, j: number) => DataUtils.fromHalfFloat(delta[2 * (wrap(j) * n + wrap(i)) + channel]);
+      const row = (j: number) => at(i, j) * (i + 1 - x) + at(i + 1, j) * (x - i);
+      return row(j) * (j + 1 - y) + row(j + 1) * (y - j);
+    });
+    return new Vector2(uv.x + moved[0], uv.y + (flipY ? moved[1] : -moved[1]));
+  }
+
+  /** Restores meshes and materials, and ends the worker. */
+  dispose(): void {
+    this.#undo.splice(0).forEach((call) => call());
+    this.#shown.forEach(({ skeleton }) => skeleton?.dispose());
+    this.#texture.dispose();
+    void this.asset.free();
+  }
+}
+
+const isSkinned = (mesh: Mesh): mesh is SkinnedMesh => (mesh as SkinnedMesh).isSkinnedMesh === true;
+
+/** Notes a mesh's pose, and returns what shows it. */
+function capture(mesh: Mesh): (shown: Shown) => void {
+  const influences = mesh.morphTargetInfluences?.slice();
+  const skeleton = isSkinned(mesh) ? mesh.skeleton : undefined;
+  skeleton?.update();
+  const matrices = skeleton?.boneMatrices?.slice();
+  return (shown) => {
+    shown.influences = influences;
+    if (skeleton && matrices) {
+      shown.skeleton ??= skeleton.clone();
+      shown.skeleton.boneMatrices?.set(matrices);
+      if (shown.skeleton.boneTexture) {
+        shown.skeleton.boneTexture.needsUpdate = true;
+      }
+    }
+  };
+}
+
+/** Draws a mesh in the pose that is shown, and returns what takes that back. Its own pose is untouched otherwise. */
+function show(mesh: Mesh, shown: Shown): (() => void)[] {
+  const own: Shown = {};
+  const swap = (to: Shown, from: Shown) => {
+    if (isSkinned(mesh) && to.skeleton) {
+      from.skeleton = mesh.skeleton;
+      mesh.skeleton = to.skeleton;
+    }
+    if (to.influences) {
+      from.influences = mesh.morphTargetInfluences;
+      mesh.morphTargetInfluences = to.influences;
+    }
+  };
+  const [begin, end] = [() => swap(shown, own), () => swap(own, shown)];
+  return [
+    replace(mesh, "onBeforeRender", (before) => function (this: Mesh, ...given) { before.apply(this, given); begin(); }),
+    replace(mesh, "onAfterRender", (before) => function (this: Mesh, ...given) { end(); before.apply(this, given); }),
+    replace(mesh, "onBeforeShadow", (before) => function (this: Mesh, ...given) { before.apply(this, given); begin(); }),
+    replace(mesh, "onAfterShadow", (before) => function (this: Mesh, ...given) { end(); before.apply(this, given); }),
+  ];
+}
