@@ -1,39 +1,15 @@
-// The page in a browser without a window, with WebGL in software: `npm run page` comes first. CHROMIUM is its program; where
-// there is none, the tests say so.
+// The page in a browser: `npm run page` comes first.
 import assert from "node:assert/strict";
-import { existsSync, readFileSync } from "node:fs";
-import { createServer } from "node:http";
-import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { PNG } from "pngjs";
-import puppeteer from "puppeteer-core";
+import { launch, serve, skip } from "./browser.mjs";
 
-const TYPES = { js: "text/javascript", css: "text/css", wasm: "application/wasm", png: "image/png" };
-
-/** A server of a folder's files, and its address. */
-async function serve(folder) {
-  const server = createServer((request, response) => {
-    const { pathname } = new URL(request.url, "http://localhost");
-    try {
-      const bytes = readFileSync(join(folder, pathname === "/" ? "index.html" : pathname));
-      response.writeHead(200, { "content-type": TYPES[pathname.split(".").at(-1)] ?? "text/html" }).end(bytes);
-    } catch {
-      response.writeHead(404).end();
-    }
-  });
-  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
-  return { server, url: `http://127.0.0.1:${server.address().port}/` };
-}
-
-const program = [process.env.CHROMIUM, "/usr/bin/chromium", "/usr/bin/google-chrome"].find((path) => path && existsSync(path));
-const skip = program ? false : "there is no Chromium";
 let browser, served;
 before(async () => {
-  if (program) {
+  if (!skip) {
     served = await serve(fileURLToPath(new URL("../../../examples/web/dist", import.meta.url)));
-    const args = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"];
-    browser = await puppeteer.launch({ executablePath: program, args });
+    browser = await launch();
   }
 });
 after(async () => {

@@ -1,0 +1,31 @@
+// A browser without a window, with WebGL in software, and a server of files. CHROMIUM is its program; where there is none,
+// the tests say so.
+import { existsSync, readFileSync } from "node:fs";
+import { createServer } from "node:http";
+import { join } from "node:path";
+import puppeteer from "puppeteer-core";
+
+const TYPES = { js: "text/javascript", css: "text/css", wasm: "application/wasm", png: "image/png" };
+
+/** A server of a folder's files, and its address; `index` is the page where the folder has none. */
+export async function serve(folder, index) {
+  const server = createServer((request, response) => {
+    const { pathname } = new URL(request.url, "http://localhost");
+    try {
+      const bytes = index && pathname === "/" ? index : readFileSync(join(folder, pathname === "/" ? "index.html" : pathname));
+      response.writeHead(200, { "content-type": TYPES[pathname.split(".").at(-1)] ?? "text/html" }).end(bytes);
+    } catch {
+      response.writeHead(404).end();
+    }
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  return { server, url: `http://127.0.0.1:${server.address().port}/` };
+}
+
+const program = [process.env.CHROMIUM, "/usr/bin/chromium", "/usr/bin/google-chrome"].find((path) => path && existsSync(path));
+export const skip = program ? false : "there is no Chromium";
+
+export function launch() {
+  const args = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"];
+  return puppeteer.launch({ executablePath: program, args, protocolTimeout: 600_000 });
+}
