@@ -152,11 +152,9 @@ function capture(mesh: Mesh): (shown: Shown) => void {
   return (shown) => {
     shown.influences = influences;
     if (skeleton && matrices) {
-      shown.skeleton ??= skeleton.clone();
-      shown.skeleton.boneMatrices?.set(matrices);
-      if (shown.skeleton.boneTexture) {
-        shown.skeleton.boneTexture.needsUpdate = true;
-      }
+      shown.skeleton ??= skeleton.clone().computeBoneTexture();
+      shown.skeleton.boneMatrices!.set(matrices);
+      shown.skeleton.boneTexture!.needsUpdate = true;
     }
   };
 }
