@@ -24,16 +24,14 @@ export interface PatchOptions {
 
 const LOOK_UP = "vec2 vrtmLookUp( vec2 at ) { return textureLod( vrtmMap, at, 0.0 ).rg; }";
 
+/** Redirected UV, the own one, the difference, the derivatives by x and y of the screen, and the turn of tangents. */
+const GLOBALS = "varying vec2 vrtmOwn;\nvec2 vrtmUv, vrtmDelta;\nmat2 vrtmGrad;\nmat3 vrtmTurn = mat3( 1.0 );\n";
+
 /** The shader knows the derivatives of the own UVs in each pixel, and those of the redirection from neighbouring texels:
  * differences between redirected pixels would be wrong where a block of four reaches over the border of a chart. */
 const declarations = (flipY: boolean, lookUp: string) => /* glsl */ `
 uniform sampler2D vrtmMap;
 uniform float vrtmStrength, vrtmWipe;
-varying vec2 vrtmOwn;
-// Redirected UV, its distance from the own one, its derivatives by x and y of the screen, and the turn of the tangents.
-vec2 vrtmUv, vrtmDelta;
-mat2 vrtmGrad;
-mat3 vrtmTurn = mat3( 1.0 );
 ${lookUp}
 vec2 vrtmDeltaAt( vec2 uv ) { return ${flipY ? "vrtmLookUp( vec2( uv.x, 1.0 - uv.y ) )" : "vrtmLookUp( uv ) * vec2( 1.0, - 1.0 )"}; }
 void vrtmRedirect() {
@@ -71,7 +69,7 @@ const resolved = (text: string): string =>
  * and `undefined` for textures of other UV sets. */
 function redirected(text: string, head: string, transformOf: (slot?: string) => string | undefined): string {
   const matrix = (slot?: string) => `mat2( ${transformOf(slot) || 1.0} )`;
-  return resolved(text)
+  return GLOBALS + resolved(text)
     // The frame of tangents takes derivatives in place of the UV.
     .replace(/(mat3 getTangentFrame\([^)]*)vec2 uv/, "$1mat2 uv")
     .replace(/dFd([xy])\( uv\.st \)/g, (_, axis) => `uv[ ${axis === "x" ? 0 : 1} ]`)
