@@ -1,0 +1,306 @@
+/** Meshes of three.js as one mesh of vrtm, and its poses: skins and morph targets as three.js has them. */
+import {
+  Matrix4, type BufferAttribute, type InterleavedBufferAttribute, type Mesh, type Object3D, type SkinnedMesh, type Texture,
+} from "three";
+import type { Mesh as Surface } from "../index.js";
+
+export interface SourceOptions {
+  /** Number of the UV set that the textures use, their `channel`: 0 = `uv`, 1 = `uv1`. By default 0. */
+  uv?: number;
+  /** Weld vertices that coincide at rest and move alike, as those that importers split at seams: by default true. */
+  weld?: boolean;
+}
+
+/** A mesh with its attributes as plain numbers. */
+interface Part {
+  mesh: Mesh;
+  /** Three numbers per vertex. */
+  positions: Float32Array;
+  morphs: Float32Array[];
+  /** Four bones and weights per vertex, bones ascending; absent without a skin. */
+  skin?: { bones: Float32Array; weights: Float32Array };
+  /** Own vertices that stand for the welded ones `welded`. */
+  own: Uint32Array;
+  welded: Uint32Array;
+}
+
+const isSkinned = (mesh: Mesh): mesh is SkinnedMesh => (mesh as SkinnedMesh).isSkinnedMesh === true;
+
+/** The surface of meshes that share textures. Poses are in one space: the first mesh's own when the source was made.
+ * Motion of the topmost object that held it then is none of the pose. */
+export class Source {
+  readonly mesh: Surface & { positions: Float32Array; uvs: Float32Array; uvIndices: Uint32Array };
+  /** Per mesh, the welded vertex of each of its own. */
+  readonly vertexOf: Uint32Array[];
+  /** The images' first rows are at v = 1 in the meshes' own UVs, and not at v = 0, as in glTF. vrtm always has them at
+   * v = 1: its v is 1 - v of the meshes where this is false. */
+  readonly flipY: boolean;
+  #parts: Part[];
+  #top: Object3D;
+  /** From the topmost object to the space of poses. */
+  #space: Matrix4;
+
+  constructor(meshes: Mesh[], { uv = 0, weld = true }: SourceOptions = {}) {
+    const [first] = meshes;
+    this.#top = first;
+    while (this.#top.parent) {
+      this.#top = this.#top.parent;
+    }
+    this.#top.updateMatrixWorld();
+    this.#space = first.matrixWorld.clone().invert().multiply(this.#top.matrixWorld);
+    const texture = [first.material].flat().flatMap((material) => Object.values(material))
+      .find((value: Texture | null) => value?.isTexture);
+    this.flipY = texture?.flipY ?? false;
+    this.#parts = meshes.map(read);
+    const rests = this.#parts.map((part) => atRest(part, first.matrixWorld));
+    const { vertexOf, positions } = join(this.#parts, rests, weld);
+    this.vertexOf = vertexOf;
+    this.mesh = { positions, ...layout(meshes, vertexOf, uv, this.flipY) };
+  }
+
+  /** Takes positions of poses to the world, now. */
+  get matrixWorld(): Matrix4 {
+    return this.#top.matrixWorld.clone().multiply(this.#space.clone().invert());
+  }
+
+  /** Positions at rest: skins as they were bound, in the size that their bones give them, and no morph target. */
+  rest(): Float32Array {
+    return this.mesh.positions;
+  }
+
+  /** Positions for the present bones, morph influences and places of the meshes. */
+  pose(into = new Float32Array(this.mesh.positions.length)): Float32Array {
+    this.#top.updateMatrixWorld();
+    const toSpace = this.#space.clone().multiply(this.#top.matrixWorld.clone().invert());
+    for (const part of this.#parts) {
+      pose(part, toSpace, into);
+    }
+    return into;
+  }
+}
+
+function numbers(attribute: BufferAttribute | InterleavedBufferAttribute, size: number): Float32Array {
+  const { array, count, itemSize, normalized } = attribute;
+  if (array instanceof Float32Array && itemSize === size && !normalized && !("data" in attribute)) {
+    return array;
+  }
+  return Float32Array.from({ length: size * count }, (_, k) => attribute.getComponent(Math.floor(k / size), k % size));
+}
+
+function read(mesh: Mesh): Part {
+  const { position, skinIndex, skinWeight } = mesh.geometry.attributes;
+  const positions = numbers(position, 3);
+  const morphs = (mesh.geometry.morphAttributes.position ?? []).map((morph) => numbers(morph, 3));
+  const none = new Uint32Array(0);
+  const part: Part = { mesh, positions, morphs, own: none, welded: none };
+  if (isSkinned(mesh) && skinIndex && skinWeight) {
+    // Sorted, so that equal skins are equal numbers.
+    const [bones, weights] = [numbers(skinIndex, 4), numbers(skinWeight, 4)].map((array) => array.slice());
+    for (let v = 0; v < bones.length; v += 4) {
+      const slots = [0, 1, 2, 3].map((k) => ({ weight: weights[v + k], bone: weights[v + k] && bones[v + k] }));
+      slots.sort((a, b) => a.bone - b.bone || a.weight - b.weight).forEach(({ bone, weight }, k) => {
+        bones[v + k] = bone;
+        weights[v + k] = weight;
+      });
+    }
+    part.skin = { bones, weights };
+  }
+  return part;
+}
+
+/** The bones' motion from where they were bound, in the world. */
+const motions = ({ skeleton }: SkinnedMesh): Matrix4[] =>
+  skeleton.bones.map((bone, k) => bone.matrixWorld.clone().multiply(skeleton.boneInverses[k]));
+
+function atRest({ mesh, positions, skin }: Part, space: Matrix4): Float32Array {
+  const matrix = space.clone().invert();
+  if (skin && isSkinned(mesh)) {
+    // Bones give a skin its size, too: that of the median is no animation.
+    const all = motions(mesh).map((motion) => ({ motion, size: Math.cbrt(Math.abs(motion.determinant())) }));
+    const median = all.map(({ size }) => size).sort((a, b) => a - b)[all.length >> 1];
+    const usual = all.find(({ size }) => Math.abs(size - median) <= 1e-3 * median) ?? all[0];
+    matrix.multiply(usual.motion).multiply(mesh.bindMatrix);
+  } else {
+    matrix.multiply(mesh.matrixWorld);
+  }
+  const out = new Float32Array(positions.length);
+  const e = matrix.elements;
+  for (let k = 0; k < out.length; k += 3) {
+    const [x, y, z] = [positions[k], positions[k + 1], positions[k + 2]];
+    for (let row = 0; row < 3; row++) {
+      out[k + row] = e[row] * x + e[row + 4] * y + e[row + 8] * z + e[row + 12];
+    }
+  }
+  return out;
+}
+
+/** Welds vertices, and lets one of each stand for it. Those of different meshes are welded if one skeleton alone moves
+ * both: morph influences and places of meshes may change apart. */
+function join(parts: Part[], rests: Float32Array[], weld: boolean): { vertexOf: Uint32Array[]; positions: Float32Array } {
+  const moved = parts.map(({ mesh, morphs, skin }) => (skin && morphs.length === 0 ? (mesh as SkinnedMesh).skeleton : mesh));
+  const columns = parts.map(({ morphs, skin }, p) => [
+    ...[rests[p], ...morphs].map((values) => ({ values, size: 3 })),
+    ...(skin ? [skin.bones, skin.weights].map((values) => ({ values, size: 4 })) : []),
+  ]);
+  const bits = new Float32Array(1);
+  const word = new Uint32Array(bits.buffer);
+  const hash = (p: number, v: number) => {
+    let hash = 0x811c9dc5;
+    for (const { values, size } of columns[p]) {
+      for (let k = size * v; k < size * (v + 1); k++) {
+        // 0 and -0 are the same.
+        bits[0] = values[k] + 0;
+        hash = Math.imul(hash ^ word[0] ^ (word[0] >>> 15), 0x01000193);
+      }
+    }
+    return hash;
+  };
+  const equal = (p: number, v: number, q: number, w: number) =>
+    moved[p] === moved[q] && columns[p].every(({ values, size }, column) => {
+      const other = columns[q][column].values;
+      for (let k = 0; k < size; k++) {
+        if (values[size * v + k] !== other[size * w + k]) {
+          return false;
+        }
+      }
+      return true;
+    });
+
+  const found = new Map<number, { p: number; v: number; n: number }[]>();
+  const places: number[] = [];
+  const vertexOf = parts.map((part, p) => {
+    const own: number[] = [];
+    const welded: number[] = [];
+    const map = Uint32Array.from({ length: part.positions.length / 3 }, (_, v) => {
+      const key = weld ? hash(p, v) : places.length;
+      const chain = found.get(key) ?? [];
+      const same = weld && chain.find((other) => equal(p, v, other.p, other.v));
+      if (same) {
+        return same.n;
+      }
+      const n = places.length / 3;
+      found.set(key, [...chain, { p, v, n }]);
+      places.push(...rests[p].subarray(3 * v, 3 * v + 3));
+      own.push(v);
+      welded.push(n);
+      return n;
+    });
+    part.own = Uint32Array.from(own);
+    part.welded = Uint32Array.from(welded);
+    return map;
+  });
+  return { vertexOf, positions: Float32Array.from(places) };
+}
+
+/** Triangles and UVs. Charts outside of the first tile that repeat it are moved there. */
+function layout(meshes: Mesh[], vertexOf: Uint32Array[], uv: number, flipY: boolean) {
+  const indices: number[] = [];
+  const uvIndices: number[] = [];
+  const uvs: number[] = [];
+  const name = uv === 0 ? "uv" : `uv${uv}`;
+  const numberOf = new Map<string, number>();
+  meshes.forEach((mesh, p) => {
+    const { index, attributes } = mesh.geometry;
+    if (!attributes[name]) {
+      throw new Error(`mesh "${mesh.name}" has no UVs (${name})`);
+    }
+    const own = numbers(attributes[name], 2);
+    const number = Uint32Array.from(vertexOf[p], (n, v) => {
+      const [x, y] = [own[2 * v], flipY ? own[2 * v + 1] : 1 - own[2 * v + 1]];
+      const key = `${n} ${x} ${y}`;
+      if (!numberOf.has(key)) {
+        numberOf.set(key, uvs.length / 2);
+        uvs.push(x, y);
+      }
+      return numberOf.get(key)!;
+    });
+    const corners = index ? index.count : vertexOf[p].length;
+    for (let k = 0; k + 2 < corners; k += 3) {
+      const triangle = [k, k + 1, k + 2].map((corner) => (index ? index.getX(corner) : corner));
+      const [a, b, c] = triangle.map((v) => vertexOf[p][v]);
+      // Triangles without area, which join strips.
+      if (a !== b && b !== c && c !== a) {
+        indices.push(a, b, c);
+        uvIndices.push(...triangle.map((v) => number[v]));
+      }
+    }
+  });
+  toFirstTile(uvs, uvIndices);
+  const faceCounts = new Uint32Array(indices.length / 3).fill(3);
+  return {
+    faceCounts, indices: Uint32Array.from(indices), uvs: Float32Array.from(uvs), uvIndices: Uint32Array.from(uvIndices),
+  };
+}
+
+/** Moves each chart by whole tiles, so that its middle is in the first one. */
+function toFirstTile(uvs: number[], uvIndices: number[]): void {
+  const parent = uvs.map((_, k) => k).slice(0, uvs.length / 2);
+  const root = (k: number) => {
+    while (parent[k] !== k) {
+      k = parent[k] = parent[parent[k]];
+    }
+    return k;
+  };
+  for (let k = 0; k < uvIndices.length; k += 3) {
+    parent[root(uvIndices[k + 1])] = root(uvIndices[k]);
+    parent[root(uvIndices[k + 2])] = root(uvIndices[k]);
+  }
+  const bounds = parent.map(() => [Infinity, -Infinity, Infinity, -Infinity]);
+  uvs.forEach((x, k) => {
+    const box = bounds[root(k >> 1)];
+    const side = 2 * (k % 2);
+    box[side] = Math.min(box[side], x);
+    box[side + 1] = Math.max(box[side + 1], x);
+  });
+  uvs.forEach((x, k) => {
+    const side = 2 * (k % 2);
+    const [low, high] = bounds[root(k >> 1)].slice(side, side + 2);
+    uvs[k] = x - Math.floor((low + high) / 2);
+  });
+}
+
+/** The positions of a part's welded vertices. */
+function pose({ mesh, positions, morphs, skin, own, welded }: Part, toSpace: Matrix4, into: Float32Array): void {
+  const influences = mesh.morphTargetInfluences ?? [];
+  const active = morphs.map((offsets, k) => ({ offsets, share: influences[k] ?? 0 })).filter(({ share }) => share !== 0);
+  // Targets that are no offsets take the share of the mesh's own positions.
+  const rest = mesh.geometry.morphTargetsRelative ? 1 : active.reduce((sum, { share }) => sum - share, 1);
+  const place = toSpace.clone().multiply(mesh.matrixWorld);
+  let matrices = [place];
+  if (skin && isSkinned(mesh)) {
+    place.multiply(mesh.bindMatrixInverse);
+    matrices = motions(mesh).map((motion) => motion.premultiply(place).multiply(mesh.bindMatrix));
+  }
+  // The place is no part of the weighted sum, and the sum of weights may be other than 1.
+  const [tx, ty, tz] = place.elements.slice(12);
+  const rows = Float64Array.from(matrices.flatMap((matrix) => matrix.transpose().elements.slice(0, 12)));
+  for (let n = 0; n < own.length; n++) {
+    const v = 3 * own[n];
+    let x = rest * positions[v];
+    let y = rest * positions[v + 1];
+    let z = rest * positions[v + 2];
+    for (const { offsets, share } of active) {
+      x += share * offsets[v];
+      y += share * offsets[v + 1];
+      z += share * offsets[v + 2];
+    }
+    let px = 0;
+    let py = 0;
+    let pz = 0;
+    let left = 1;
+    for (let k = 0; k < (skin ? 4 : 1); k++) {
+      const weight = skin ? skin.weights[4 * own[n] + k] : 1;
+      if (weight !== 0) {
+        const m = skin ? 12 * skin.bones[4 * own[n] + k] : 0;
+        px += weight * (rows[m] * x + rows[m + 1] * y + rows[m + 2] * z + rows[m + 3]);
+        py += weight * (rows[m + 4] * x + rows[m + 5] * y + rows[m + 6] * z + rows[m + 7]);
+        pz += weight * (rows[m + 8] * x + rows[m + 9] * y + rows[m + 10] * z + rows[m + 11]);
+        left -= weight;
+      }
+    }
+    const to = 3 * welded[n];
+    into[to] = px + left * tx;
+    into[to + 1] = py + left * ty;
+    into[to + 2] = pz + left * tz;
+  }
+}
