@@ -13,7 +13,7 @@ rmSync(out, { recursive: true, force: true });
 mkdirSync(out);
 await build({
   entryPoints: { main: `${page}src/main.ts`, worker: `${here}dist/worker.js` },
-  alias: { "vrtm/worker": `${here}dist/worker_asset.js` },
+  alias: { vrtm: `${here}dist/index.js`, "vrtm/three": `${here}dist/three/index.js` },
   nodePaths: [`${here}node_modules`],
   bundle: true,
   minify: true,
@@ -31,6 +31,4 @@ for (const file of ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.txt"]) {
 }
 cpSync(`${here}node_modules/three/LICENSE`, `${out}LICENSE-three`);
 cpSync(`${here}dist/wasm/vrtm_bg.wasm`, `${out}vrtm_bg.wasm`);
-for (const scene of ["mug_to_jug", "creature"]) {
-  execFileSync("cargo", ["run", "--quiet", "--example", "scene", "--", scene, `${out}scenes/${scene}`], { cwd: root, stdio: "inherit" });
-}
+cpSync(`${page}scenes`, `${out}scenes`, { recursive: true });

@@ -1,196 +1,301 @@
 /** The page: what is pressed and moved, and what follows of it. */
-import { DataUtils, Vector2 } from "three";
-import { WorkerAsset } from "vrtm/worker";
-import { openScene, poseAt, type Scene } from "./scene.js";
-import { MAP, Skin, type Look } from "./skin.js";
-import { Surface } from "./surface.js";
-import { View } from "./view.js";
-
-const SCENES = {
-  jug: { folder: "mug_to_jug", direction: [0.5, 0.35, 1], colours: [[0.008, 0.045, 0.24], [0.86, 0.50, 0.13]], radius: 0.018 },
-  creature: { folder: "creature", direction: [1, 0.45, 0.75], colours: [[0.03, 0.17, 0.10], [0.85, 0.74, 0.50]], radius: 0.014 },
-} satisfies Record<string, { folder: string; direction: number[]; colours: [number[], number[]]; radius: number }>;
-type Name = keyof typeof SCENES;
+import { AnimationMixer, Mesh } from "three";
+import { redirect } from "vrtm/three";
+import { read, restroke, strokes, write, type Kept } from "./link.js";
+import { LOOKS, shared, type Look } from "./looks.js";
+import { missing } from "./missing.js";
+import { ring } from "./rings.js";
+import { puffer, type Ring } from "./scenes.js";
+import { Stage } from "./stage.js";
+import type { Open } from "./state.js";
+import { Loop, measured, percent, words } from "./strain.js";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
-const slider = element<HTMLInputElement>("pose");
-const status = element("status");
-const view = new View(element<HTMLCanvasElement>("view"));
+const { body } = document;
+const [slider, message] = [element<HTMLInputElement>("time"), element("message")];
 
-/** What is open. */
-interface Open {
-  scene: Scene;
-  surface: Surface;
-  skin: Skin;
-  asset: WorkerAsset;
-  /** The redirection that is shown, to paint where the pointer is. */
-  delta: Uint16Array;
-  radius: number;
+/** What is open, and how it is shown. */
+interface Shown extends Open {
+  scene: string;
+  rings: Ring[];
+  /** Rigidity as it came. */
+  first: Uint8Array;
+  loop: Loop;
 }
-let open: Open | undefined;
-let tool: "turn" | "paint" | "erase" = "turn";
+let open: Shown | undefined;
+let stage: Stage;
+let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+/** Seconds: of the newest pose, and of the pose that is shown. */
+let [time, shownTime] = [0, 0];
+let updates = 0;
 let resting: ReturnType<typeof setTimeout> | undefined;
-let playing = false;
 
-function say(error: unknown): void {
-  status.textContent = error instanceof Error ? error.message : String(error);
-  status.classList.add("error");
+/** A phone's memory: cells of the grid and texels of the map along each side. */
+const cells = ((navigator as { deviceMemory?: number }).deviceMemory ?? 8) > 4 ? 384 : 256;
+
+function say(text: unknown, failed = text instanceof Error): void {
+  message.textContent = text instanceof Error ? text.message : String(text);
+  if (failed) {
+    body.dataset.state = "failed";
+  }
 }
 
-async function show(name: Name): Promise<void> {
-  const { folder, direction, colours, radius } = SCENES[name];
-  const scene = await openScene(`scenes/${folder}`);
-  open?.asset.free();
-  open = undefined;
-  const surface = new Surface(scene);
-  const skin = new Skin(view.renderer, surface.geometry, scene.rigidity, scene.size, colours as [number[], number[]]);
-  skin.brushRadius.value = radius;
-  skin.look = (document.querySelector("[name=look]:checked") as HTMLInputElement).value as Look;
-  view.renderer.setClearColor(0x14171d, 1);
-  // The mesh is there before the solver is.
-  surface.pose(poseAt(scene, Number(slider.value)));
-  view.show(surface, skin, direction);
-  const asset = await WorkerAsset.create(scene.mesh, {
-    worker: new Worker("worker.js", { type: "module" }),
+/** Makes a scene, and a worker that prepares it. */
+async function prepare(scene: string, kept: Partial<Kept> = {}): Promise<Shown> {
+  const { root, clip, rigidity: first, size, texture, rings } = puffer();
+  const mixer = new AnimationMixer(root);
+  mixer.clipAction(clip).play();
+  const meshes = [root.children[0] as Mesh];
+  const rigidity = kept.paint ? restroke(kept.paint, first, size) : first.slice();
+  const redirected = await redirect(meshes, {
+    rigidity, size, grid: cells, mapSize: cells, worker: new Worker("worker.js", { type: "module" }),
     wasm: new URL("vrtm_bg.wasm", location.href).href,
   });
-  await asset.setRigidity(0, scene.rigidity, scene.size, scene.size);
-  open = { scene, surface, skin, asset, radius, delta: new Uint16Array(2 * MAP * MAP) };
-  await solve("draft");
-  await solve("normal");
+  const parts = [{ meshes, source: redirected.source, redirected, rigidity, size, texture }];
+  return { name: "Puffer fish", root, clip: { mixer, duration: clip.duration, name: clip.name }, parts, scene, rings, first, loop: new Loop() };
 }
 
-/** Solves for the pose of the slider, and shows pose and map together once they are there. */
+async function show(prepared: Promise<Shown>, kept: Partial<Kept> = {}): Promise<void> {
+  say("Getting ready");
+  body.dataset.state = "loading";
+  close();
+  open = await prepared;
+  const { clip } = open;
+  time = shownTime = Math.min(kept.time ?? 0, clip?.duration ?? 0);
+  clip?.mixer.setTime(time);
+  slider.max = String(clip?.duration ?? 0);
+  slider.value = String(time);
+  stage.show(open, kept.view ?? [0.33, 0.17, 0.93]);
+  say("One moment: vrtm is solving");
+  tell();
+  await solve("draft");
+  if (!playing) {
+    moved();
+  }
+}
+
+function close(): void {
+  stage.close();
+  open?.parts.forEach(({ redirected }) => redirected.dispose());
+  open = undefined;
+  delete body.dataset.solved;
+  element<HTMLButtonElement>("worst").disabled = true;
+}
+
+/** Solves for the newest time, and shows pose and map together once they are there. */
 async function solve(quality: "draft" | "normal"): Promise<void> {
   const now = open;
   if (!now) {
     return;
   }
-  const positions = poseAt(now.scene, Number(slider.value));
-  const start = performance.now();
-  const result = await now.asset.redirect(positions, { quality, measure: quality === "normal" }, [
-    { tile: 0, kind: "delta", width: MAP, height: MAP, half: true },
-  ]);
-  if (!result || open !== now) {
+  const [{ clip, parts: [part], parts }, at] = [now, time];
+  clip?.mixer.setTime(at);
+  const pose = part.source.pose();
+  // To measure takes longer than a draft does.
+  const measure = quality === "normal" || updates++ % 4 === 0;
+  const results = parts.map(({ redirected }) => redirected.update(quality, { measure }));
+  clip?.mixer.setTime(shownTime);
+  const all = await Promise.all(results);
+  if (open !== now || all.includes(null)) {
     return;
   }
-  now.delta = result.images[0] as Uint16Array;
-  now.surface.pose(positions);
-  now.skin.redirect(now.delta);
-  view.draw();
-  const [report] = result.reports;
-  const { strain } = report;
-  const took = `${report.milliseconds.toFixed(0)} ms ${quality} on a grid of ${report.grid.join(" × ")}, ${(performance.now() - start).toFixed(0)} ms with the map`;
-  const error = strain ? ` · strain of what is rigid ${strain.before.rms.toFixed(3)} → ${strain.after.rms.toFixed(3)}` : "";
-  status.classList.remove("error");
-  status.textContent = took + error;
-  status.dataset.solved = quality;
+  shownTime = at;
+  clip?.mixer.setTime(at);
+  ring(part, now.rings, pose);
+  stage.solved = true;
+  say("");
+  body.dataset.state = playing ? "playing" : "still";
+  body.dataset.solved = quality;
+  const strain = measured(parts);
+  if (strain) {
+    now.loop.add(at, strain);
+    element("numbers").textContent = words(strain);
+    const shares = { ".without b": strain.before, ".with b": strain.after };
+    Object.entries(shares).forEach(([name, share]) => (document.querySelector(name)!.textContent = `${percent(share)} stretched`));
+    element<HTMLButtonElement>("worst").disabled = now.loop.worst() === null;
+  }
+  layout();
+  stage.draw();
 }
+
+const drawn = () => new Promise((resolve) => element("view").addEventListener("drawn", resolve, { once: true }));
 
 /** Drafts while something moves, and a whole solve when it rests. */
-function moved(): Promise<void> {
+function moved(): void {
   clearTimeout(resting);
-  delete status.dataset.solved;
-  resting = setTimeout(() => solve("normal").catch(say), 160);
-  return solve("draft").catch(say);
+  delete body.dataset.solved;
+  body.dataset.solved = "draft";
+  resting = setTimeout(() => void solve("normal").catch(say), 160);
+  solve("draft").catch(say);
 }
 
-slider.addEventListener("input", () => {
-  playing = false;
-  void moved();
-});
-
-async function play(): Promise<void> {
-  playing = !playing;
-  element("play").textContent = playing ? "Pause" : "Play";
-  const start = performance.now() - Math.acos(1 - 2 * Number(slider.value)) * 1400;
-  while (playing) {
+async function run(): Promise<void> {
+  for (let last = performance.now(); ; ) {
     await new Promise(requestAnimationFrame);
-    slider.value = String(0.5 - 0.5 * Math.cos((performance.now() - start) / 1400));
-    await moved();
+    const now = performance.now();
+    if (playing && open?.clip) {
+      // A clock that stands while the tab is hidden, and goes slow where pictures take long.
+      time = (time + Math.min((now - last) / 1000, 0.12)) % open.clip.duration;
+      slider.value = String(time);
+      await solve("draft").catch(say);
+      if (open) {
+        await drawn();
+      }
+    }
+    last = now;
   }
-  element("play").textContent = "Play";
 }
-element("play").addEventListener("click", () => void play());
 
-for (const input of document.querySelectorAll<HTMLInputElement>("[name=look]")) {
-  input.addEventListener("change", () => {
-    if (open) {
-      open.skin.look = input.value as Look;
-      view.draw();
+function play(on: boolean): void {
+  playing = on;
+  element("play").textContent = on ? "Pause" : "Play";
+  if (!on) {
+    moved();
+  }
+}
+
+function seek(to: number): void {
+  time = to;
+  slider.value = String(to);
+  play(false);
+}
+
+/** Bytes that are held for what is open: textures, meshes, and per node and triangle of the solver. */
+function tell(): void {
+  const bytes = (open?.parts ?? []).reduce((sum, { source: { mesh }, rigidity, texture }) =>
+    sum + 157 * cells * cells + 4 * cells * cells + 116 * (mesh.indices.length / 3) + 3 * rigidity.length + (texture ? 3 * 1.33 * texture.data.length : 0), 0);
+  element("memory").textContent = `Solved on ${cells} × ${cells} cells, with about ${Math.ceil(bytes / 1e6)} MB.`;
+}
+
+function wipeTo(share: number): void {
+  stage.wipe = Math.min(0.97, Math.max(0.03, share));
+  layout();
+  stage.draw();
+}
+
+function layout(): void {
+  const { clientWidth: width, clientHeight: height } = stage.canvas;
+  const side = stage.compare === "side";
+  body.dataset.panes = side && body.dataset.solved ? (width >= height ? "beside" : "stacked") : "one";
+  const share = side ? 0.5 : stage.wipe;
+  element("stage").style.setProperty("--wipe", body.dataset.solved ? `${100 * share}%` : "100%");
+  element("wipe").setAttribute("aria-valuenow", (100 * share).toFixed(0));
+}
+
+function look(name: Look): void {
+  shared.look.value = LOOKS.indexOf(name);
+  element("legend").hidden = name !== "strain";
+  stage.draw();
+}
+
+/** Where the pointer is moves the wipe; pressed, it turns the character. */
+function pointers(): void {
+  const { canvas } = stage;
+  const share = ({ clientX }: PointerEvent) => {
+    const { left, width } = canvas.getBoundingClientRect();
+    return (clientX - left) / width;
+  };
+  canvas.addEventListener("pointermove", (event) => {
+    if (event.buttons === 0 && event.pointerType === "mouse" && stage.controls.enabled) {
+      wipeTo(share(event));
+    }
+  });
+  const handle = element("wipe");
+  handle.addEventListener("pointerdown", ({ pointerId }) => handle.setPointerCapture(pointerId));
+  handle.addEventListener("pointermove", (event) => {
+    if (event.buttons > 0 || event.pointerType === "mouse") {
+      wipeTo(share(event));
     }
   });
 }
-for (const input of document.querySelectorAll<HTMLInputElement>("[name=tool]")) {
-  input.addEventListener("change", () => {
-    tool = input.value as typeof tool;
-    view.controls.enabled = tool === "turn";
-    open?.skin.brush.value.set(-9, -9);
-    view.draw();
+
+function keys(): void {
+  const arrow = ({ key }: KeyboardEvent) => [Number(key === "ArrowRight") - Number(key === "ArrowLeft"), Number(key === "ArrowUp") - Number(key === "ArrowDown")];
+  element("wipe").addEventListener("keydown", (event) => wipeTo(stage.wipe + 0.02 * arrow(event)[0]));
+  stage.canvas.addEventListener("keydown", (event) => {
+    const [x, y] = arrow(event);
+    stage.turn(0.1 * x, 0.1 * y);
+  });
+  addEventListener("keydown", (event) => {
+    const on = event.target as HTMLElement;
+    if (event.key === " " && !on.matches("button, select, summary, input:not([type=range])")) {
+      event.preventDefault();
+      play(!playing);
+    } else if (event.key.startsWith("Arrow") && on === body && open?.clip) {
+      const step = arrow(event)[0] / 24;
+      seek((time + step + open.clip.duration) % open.clip.duration);
+    }
   });
 }
-element<HTMLSelectElement>("scene").addEventListener("change", (event) => {
-  const chosen = (event.target as HTMLSelectElement).value as Name;
-  show(chosen).catch(say);
-});
 
-/** Where the pointer is in the painted texture. */
-function painted(event: PointerEvent): Vector2 | null {
-  const hit = view.pick(event);
-  if (!open || !hit) {
-    return null;
-  }
-  if (hit.redirected) {
-    const [x, y] = [hit.uv.x, 1 - hit.uv.y].map((t) => Math.min(MAP - 1, Math.max(0, Math.floor(t * MAP))));
-    const at = 2 * (y * MAP + x);
-    hit.uv.x += DataUtils.fromHalfFloat(open.delta[at]);
-    hit.uv.y += DataUtils.fromHalfFloat(open.delta[at + 1]);
-  }
-  return hit.uv;
+async function copyLink(): Promise<void> {
+  const [part] = open!.parts;
+  const chosen = (name: string) => document.querySelector<HTMLInputElement>(`[name=${name}]:checked`)!.value;
+  const kept: Kept = {
+    scene: open!.scene, time: shownTime, view: stage.view(), look: chosen("look"), compare: stage.compare, wipe: stage.wipe,
+    lines: shared.lines.value > 0, paint: strokes(part.rigidity, open!.first, part.size),
+  };
+  history.replaceState(null, "", `#${write(kept)}`);
+  await navigator.clipboard?.writeText(location.href).catch(() => undefined);
+  element("link").textContent = "The link is copied, and in the address";
 }
 
-/** Paints a disc, and returns the part of the map that it changed. */
-function dab({ scene: { rigidity, size }, radius }: Open, uv: Vector2, value: number): number[] {
-  const [x, y, r] = [uv.x * size - 0.5, (1 - uv.y) * size - 0.5, radius * size];
-  const clamp = (n: number) => Math.min(size - 1, Math.max(0, n));
-  const [left, right, top, bottom] = [x - r - 1, x + r + 1, y - r - 1, y + r + 1].map((n) => clamp(Math.round(n)));
-  for (let j = top; j <= bottom; j++) {
-    for (let i = left; i <= right; i++) {
-      const inside = Math.min(1, Math.max(0, r + 0.5 - Math.hypot(i - x, j - y)));
-      const at = j * size + i;
-      rigidity[at] = Math.round(rigidity[at] + (value - rigidity[at]) * inside);
-    }
+function choose(name: string, value: string | undefined): void {
+  const input = document.querySelector<HTMLInputElement>(`[name=${name}][value="${CSS.escape(value ?? "")}"]`);
+  if (input) {
+    input.checked = true;
+    input.dispatchEvent(new Event("change"));
   }
-  return [left, top, right - left + 1, bottom - top + 1];
 }
 
-const canvas = view.renderer.domElement;
-let painting = false;
-function stroke(event: PointerEvent): void {
-  if (tool === "turn" || !open) {
-    return;
+function start(): void {
+  const kept = read(location.hash);
+  // The worker prepares while lights are made.
+  const prepared = prepare("puffer", kept);
+  stage = new Stage(element<HTMLCanvasElement>("view"));
+  const each = (name: string, call: (value: string) => void) =>
+    document.querySelectorAll<HTMLInputElement>(`[name=${name}]`).forEach((input) => input.addEventListener("change", () => call(input.value)));
+  each("look", (value) => look(value as Look));
+  each("compare", (value) => {
+    stage.compare = body.dataset.compare = value as "wipe" | "side";
+    layout();
+    stage.draw();
+  });
+  element("lines").addEventListener("change", ({ target }) => {
+    shared.lines.value = Number((target as HTMLInputElement).checked);
+    stage.draw();
+  });
+  element("play").addEventListener("click", () => play(!playing));
+  slider.addEventListener("input", () => seek(Number(slider.value)));
+  element("worst").addEventListener("click", () => seek(open!.loop.worst()!));
+  element("link").addEventListener("click", () => void copyLink().catch(say));
+  stage.canvas.addEventListener("webglcontextlost", (event) => {
+    event.preventDefault();
+    say("The graphics card is busy elsewhere; the picture comes back as soon as it may.", true);
+  });
+  stage.canvas.addEventListener("webglcontextrestored", () => {
+    say("");
+    moved();
+  });
+  new ResizeObserver(layout).observe(stage.canvas);
+  pointers();
+  keys();
+  choose("look", kept.look);
+  choose("compare", kept.compare);
+  if (kept.lines) {
+    element("lines").click();
   }
-  const uv = painted(event);
-  open.skin.brush.value.copy(uv ?? new Vector2(-9, -9));
-  view.draw();
-  if (painting && uv) {
-    const { scene, skin, asset } = open;
-    const part = dab(open, uv, tool === "paint" ? 255 : 0);
-    skin.rigidity.needsUpdate = true;
-    asset.updateRigidity(0, scene.rigidity, scene.size, scene.size, part).catch(say);
-    void moved();
+  stage.wipe = kept.wipe ?? 0.5;
+  if (kept.time !== undefined) {
+    play(false);
   }
-}
-canvas.addEventListener("pointerdown", (event) => {
-  painting = tool !== "turn";
-  if (painting) {
-    canvas.setPointerCapture(event.pointerId);
-  }
-  stroke(event);
-});
-canvas.addEventListener("pointermove", stroke);
-for (const end of ["pointerup", "pointercancel"]) {
-  canvas.addEventListener(end, () => (painting = false));
+  show(prepared, kept).catch(say);
+  void run();
 }
 
-show("jug").catch(say);
+const lack = missing();
+if (lack) {
+  say(lack, true);
+} else {
+  start();
+}

@@ -1,0 +1,216 @@
+/** The picture: camera, light, one pane with a wipe or two, rings, and what the pointer is over. */
+import {
+  BackSide, Box3, BoxGeometry, DirectionalLight, Mesh, MeshBasicMaterial, NeutralToneMapping, PMREMGenerator, PerspectiveCamera,
+  Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Intersection, type Texture,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { dress, shared } from "./looks.js";
+import type { Ring } from "./scenes.js";
+import type { Open, Part } from "./state.js";
+
+/** The place under a pointer. */
+export interface Hit {
+  part: Part;
+  /** UV of the mesh, and of the paint that is seen there. */
+  uv: Vector2;
+  painted: Vector2;
+  point: Vector3;
+}
+
+/** Surfaces that are bright on one side: reflections tell a shape better than lights do. */
+function studio(): Scene {
+  const scene = new Scene();
+  const box = new BoxGeometry();
+  const wall = (colour: number, strength: number, size: number[], at: number[]) => {
+    const material = new MeshBasicMaterial({ color: colour, side: BackSide });
+    material.color.multiplyScalar(strength);
+    const mesh = new Mesh(box, material);
+    mesh.scale.set(size[0], size[1], size[2]);
+    mesh.position.set(at[0], at[1], at[2]);
+    scene.add(mesh);
+  };
+  wall(0xdfe9ee, 0.55, [20, 20, 20], [0, 0, 0]);
+  wall(0xffffff, 9, [5, 0.2, 5], [-2, 7, 3]);
+  wall(0xfff0dd, 5, [0.2, 6, 3], [8, 3, 4]);
+  wall(0xcfe6ff, 3, [0.2, 5, 5], [-8, 1, -2]);
+  wall(0xd9e2e2, 1.1, [18, 0.2, 18], [0, -6, 0]);
+  return scene;
+}
+
+export class Stage {
+  readonly renderer: WebGLRenderer;
+  readonly controls: OrbitControls;
+  readonly camera = new PerspectiveCamera(30, 1, 0.1, 100);
+  readonly scene = new Scene();
+  /** Place of the wipe, a share of the width. */
+  wipe = 0.5;
+  compare: "wipe" | "side" = "wipe";
+  /** Redirected pictures are there: until then there is one pane without a wipe. */
+  solved = false;
+  #open: Open | undefined;
+  #dressed = new Map<Part, ReturnType<typeof dress>>();
+  #away = 1;
+  #wanted = false;
+  #environment: Texture | undefined;
+
+  constructor(readonly canvas: HTMLCanvasElement) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer.toneMapping = NeutralToneMapping;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    const sun = new DirectionalLight(0xfff3e2, 1.7);
+    sun.position.set(1.5, 4, 3);
+    this.scene.add(sun);
+    this.#light();
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enablePan = false;
+    this.controls.addEventListener("change", () => this.draw());
+    new ResizeObserver(() => this.draw()).observe(canvas);
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.#light();
+      this.#dressed.forEach(({ redraw }) => redraw());
+      this.draw();
+    });
+  }
+
+  #light(): void {
+    this.#environment?.dispose();
+    const generator = new PMREMGenerator(this.renderer);
+    this.#environment = this.scene.environment = generator.fromScene(studio(), 0.03, 0.1, 100, { size: 64 }).texture;
+    generator.dispose();
+  }
+
+  /** Shows another character; `direction` is where the camera stands, its length a share of the distance at first. */
+  show(open: Open, direction: number[]): void {
+    this.close();
+    this.#open = open;
+    open.parts.forEach((part) => this.#dressed.set(part, dress(part, this.renderer)));
+    this.scene.add(open.root);
+    const box = new Box3();
+    open.parts.forEach(({ source }) => {
+      const positions = source.pose();
+      const point = new Vector3();
+      for (let k = 0; k < positions.length; k += 3) {
+        box.expandByPoint(point.fromArray(positions, k).applyMatrix4(source.matrixWorld));
+      }
+    });
+    const { center, radius } = box.getBoundingSphere(new Sphere());
+    this.controls.target.copy(center);
+    const away = this.#away = (radius * 1.06) / Math.sin((this.camera.fov * Math.PI) / 360);
+    Object.assign(this.camera, { near: away / 100, far: away * 10 });
+    this.camera.position.copy(new Vector3(...direction).multiplyScalar(away).add(center));
+    this.controls.minDistance = radius * 0.4;
+    this.controls.maxDistance = away * 2;
+    this.controls.update();
+    this.draw();
+  }
+
+  /** `direction`, now. */
+  view(): number[] {
+    return this.camera.position.clone().sub(this.controls.target).divideScalar(this.#away).toArray();
+  }
+
+  /** Turns the camera to the right and up, in radians. */
+  turn(right: number, up: number): void {
+    const place = this.camera.position.clone().sub(this.controls.target);
+    const angles = new Spherical().setFromVector3(place);
+    angles.theta -= right;
+    angles.phi = Math.min(3, Math.max(0.14, angles.phi - up));
+    this.camera.position.setFromSpherical(angles).add(this.controls.target);
+    this.controls.update();
+    this.draw();
+  }
+
+  close(): void {
+    this.#open?.root.removeFromParent();
+    this.#dressed.forEach(({ dispose }) => dispose());
+    this.#dressed.clear();
+    this.#open = undefined;
+    this.solved = false;
+    shared.rings.value.forEach((ring) => (ring.w = 0));
+  }
+
+  /** What is rigid has changed. */
+  repaint(part: Part): void {
+    this.#dressed.get(part)!.rigidity.needsUpdate = true;
+    this.draw();
+  }
+
+  /** Draws with the next picture of the screen. */
+  draw(): void {
+    if (!this.#wanted) {
+      this.#wanted = true;
+      requestAnimationFrame(() => this.#draw());
+    }
+  }
+
+  /** The place of the surface under a pointer. */
+  pick({ clientX, clientY }: { clientX: number; clientY: number }): Hit | null {
+    const box = this.canvas.getBoundingClientRect();
+    const [x, y] = [clientX - box.left, clientY - box.top];
+    const panes = this.#panes();
+    const k = panes.findIndex(([left, top, width, height]) => x >= left && x < left + width && y >= top && y < top + height);
+    if (!this.#open || k < 0) {
+      return null;
+    }
+    const [left, top, width, height] = panes[k];
+    this.#aim(width / height);
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2((2 * (x - left)) / width - 1, 1 - (2 * (y - top)) / height), this.camera);
+    const redirected = this.solved && (panes.length > 1 ? k === 1 : x >= this.wipe * box.width);
+    let found: { part: Part; hit: Intersection } | undefined;
+    for (const part of this.#open.parts) {
+      const [hit] = ray.intersectObjects(part.meshes, false);
+      if (hit?.uv && !(found && found.hit.distance < hit.distance)) {
+        found = { part, hit };
+      }
+    }
+    if (!found) {
+      return null;
+    }
+    const uv = found.hit.uv!;
+    return { part: found.part, uv, painted: redirected ? found.part.redirected.uvAt(uv) : uv, point: found.hit.point };
+  }
+
+  /** Left, top, width and height of the pictures: on a screen that is higher than wide, one over the other. */
+  #panes(): number[][] {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (this.compare === "wipe" || !this.solved) {
+      return [[0, 0, width, height]];
+    }
+    return width >= height
+      ? [[0, 0, width / 2, height], [width / 2, 0, width / 2, height]]
+      : [[0, 0, width, height / 2], [0, height / 2, width, height / 2]];
+  }
+
+  /** A pane that is higher than wide shows what a square one does. */
+  #aim(aspect: number): void {
+    this.camera.aspect = aspect;
+    this.camera.zoom = Math.min(1, aspect);
+    this.camera.updateProjectionMatrix();
+  }
+
+  #draw(): void {
+    this.#wanted = false;
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (width === 0 || height === 0 || this.renderer.getContext().isContextLost()) {
+      return;
+    }
+    const size = this.renderer.getSize(new Vector2());
+    if (size.x !== width || size.y !== height) {
+      this.renderer.setSize(width, height, false);
+    }
+    this.renderer.setScissorTest(true);
+    const panes = this.#panes();
+    for (const [k, [left, top, w, h]] of panes.entries()) {
+      for (const { redirected: { uniforms } } of this.#open?.parts ?? []) {
+        uniforms.strength.value = this.solved && (panes.length === 1 || k === 1) ? 1 : 0;
+        uniforms.wipe.value = panes.length === 1 ? this.wipe * width * this.renderer.getPixelRatio() : 0;
+      }
+      this.#aim(w / h);
+      this.renderer.setViewport(left, height - top - h, w, h);
+      this.renderer.setScissor(left, height - top - h, w, h);
+      this.renderer.render(this.scene, this.camera);
+    }
+    this.canvas.dispatchEvent(new Event("drawn"));
+  }
+}
