@@ -111,14 +111,17 @@ test("vertices are welded that coincide and move alike", () => {
 
 test("charts are in the first tile, with the image's first row at v = 1", () => {
   const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(floats(18), 3));
-  // One triangle in the tile, one two tiles to the left and one up.
-  geometry.setAttribute("uv1", new BufferAttribute(Float32Array.from([0, 0, 1, 0, 0, 1, -1.9, 1.1, -1.1, 1.1, -1.9, 1.9]), 2));
-  const uvs = (texture) => new Source([new Mesh(geometry, new MeshStandardMaterial({ map: texture }))], { uv: 1 }).mesh.uvs;
+  geometry.setAttribute("position", new BufferAttribute(floats(27), 3));
+  // A triangle in the tile, one two tiles to the left and one up, and one that is larger than a tile, by its own middle.
+  geometry.setAttribute("uv1", new BufferAttribute(Float32Array.from([0, 0, 1, 0, 0, 1, -1.9, 1.1, -1.1, 1.1, -1.9, 1.9, 1.2, 0, 2.9, 0, 1.2, 1]), 2));
+  const uvs = (map) => {
+    const { mesh } = new Source([new Mesh(geometry, new MeshStandardMaterial({ map }))], { uv: 1 });
+    return [...mesh.uvIndices].flatMap((n) => [...mesh.uvs.subarray(2 * n, 2 * n + 2)]);
+  };
   const close = (values, expected) => values.forEach((x, k) => assert.ok(Math.abs(x - expected[k]) < 1e-6, `${values}`));
   const texture = new Texture();
-  close(uvs(texture), [0, 0, 1, 0, 0, 1, 0.1, 0.1, 0.9, 0.1, 0.1, 0.9]);
+  close(uvs(texture), [0, 0, 1, 0, 0, 1, 0.1, 0.1, 0.9, 0.1, 0.1, 0.9, 0.2, 0, 1.9, 0, 0.2, 1]);
   texture.flipY = false;
-  close(uvs(texture), [0, 1, 1, 1, 0, 0, 0.1, 0.9, 0.9, 0.9, 0.1, 0.1]);
+  close(uvs(texture), [0, 1, 1, 1, 0, 0, 0.1, 0.9, 0.9, 0.9, 0.1, 0.1, 0.2, 1, 1.9, 1, 0.2, 0]);
   assert.throws(() => new Source([new Mesh(geometry)]), /has no UVs \(uv\)/);
 });

@@ -1,6 +1,7 @@
 /** Meshes of three.js as one mesh of vrtm, and its poses: skins and morph targets as three.js has them. */
 import {
-  Matrix4, type BufferAttribute, type InterleavedBufferAttribute, type Mesh, type Object3D, type SkinnedMesh, type Texture,
+  Matrix4, type BufferAttribute, type InterleavedBufferAttribute, type Mesh, type Object3D, type SkinnedMesh,
+  type Texture,
 } from "three";
 import type { Mesh as Surface } from "../index.js";
 
@@ -136,8 +137,8 @@ function atRest({ mesh, positions, skin }: Part, space: Matrix4): Float32Array {
 
 /** Welds vertices, and lets one of each stand for it. Those of different meshes are welded if one skeleton alone moves
  * both: morph influences and places of meshes may change apart. */
-function join(parts: Part[], rests: Float32Array[], weld: boolean): { vertexOf: Uint32Array[]; positions: Float32Array } {
-  const moved = parts.map(({ mesh, morphs, skin }) => (skin && morphs.length === 0 ? (mesh as SkinnedMesh).skeleton : mesh));
+function join(parts: Part[], rests: Float32Array[], weld: boolean) {
+  const moved = parts.map(({ mesh, morphs }) => (isSkinned(mesh) && morphs.length === 0 ? mesh.skeleton : mesh));
   const columns = parts.map(({ morphs, skin }, p) => [
     ...[rests[p], ...morphs].map((values) => ({ values, size: 3 })),
     ...(skin ? [skin.bones, skin.weights].map((values) => ({ values, size: 4 })) : []),
@@ -198,7 +199,8 @@ function layout(meshes: Mesh[], vertexOf: Uint32Array[], uv: number, flipY: bool
   const uvIndices: number[] = [];
   const uvs: number[] = [];
   const name = uv === 0 ? "uv" : `uv${uv}`;
-  const numberOf = new Map<string, number>();
+  // UVs of each welded vertex.
+  const numbersOf: number[][] = [];
   meshes.forEach((mesh, p) => {
     const { index, attributes } = mesh.geometry;
     if (!attributes[name]) {
@@ -207,12 +209,13 @@ function layout(meshes: Mesh[], vertexOf: Uint32Array[], uv: number, flipY: bool
     const own = numbers(attributes[name], 2);
     const number = Uint32Array.from(vertexOf[p], (n, v) => {
       const [x, y] = [own[2 * v], flipY ? own[2 * v + 1] : 1 - own[2 * v + 1]];
-      const key = `${n} ${x} ${y}`;
-      if (!numberOf.has(key)) {
-        numberOf.set(key, uvs.length / 2);
+      const all = (numbersOf[n] ??= []);
+      const same = all.find((number) => uvs[2 * number] === x && uvs[2 * number + 1] === y);
+      if (same === undefined) {
+        all.push(uvs.length / 2);
         uvs.push(x, y);
       }
-      return numberOf.get(key)!;
+      return same ?? all[all.length - 1];
     });
     const corners = index ? index.count : vertexOf[p].length;
     for (let k = 0; k + 2 < corners; k += 3) {
@@ -225,44 +228,60 @@ function layout(meshes: Mesh[], vertexOf: Uint32Array[], uv: number, flipY: bool
       }
     }
   });
-  toFirstTile(uvs, uvIndices);
   const faceCounts = new Uint32Array(indices.length / 3).fill(3);
-  return {
-    faceCounts, indices: Uint32Array.from(indices), uvs: Float32Array.from(uvs), uvIndices: Uint32Array.from(uvIndices),
-  };
+  return { faceCounts, indices: Uint32Array.from(indices), ...toFirstTile(uvs, uvIndices) };
 }
 
-/** Moves each chart by whole tiles, so that its middle is in the first one. */
-function toFirstTile(uvs: number[], uvIndices: number[]): void {
-  const parent = uvs.map((_, k) => k).slice(0, uvs.length / 2);
+/** Moves charts by whole tiles to the first one. Triangles of a chart that repeats its texture are moved one by one:
+ * texels that several of them use stay where they are. */
+function toFirstTile(given: number[], corners: number[]) {
+  const parent = Array.from({ length: given.length / 2 }, (_, k) => k);
   const root = (k: number) => {
     while (parent[k] !== k) {
       k = parent[k] = parent[parent[k]];
     }
     return k;
   };
-  for (let k = 0; k < uvIndices.length; k += 3) {
-    parent[root(uvIndices[k + 1])] = root(uvIndices[k]);
-    parent[root(uvIndices[k + 2])] = root(uvIndices[k]);
+  for (let k = 0; k < corners.length; k++) {
+    parent[root(corners[k])] = root(corners[k - (k % 3)]);
   }
   const bounds = parent.map(() => [Infinity, -Infinity, Infinity, -Infinity]);
-  uvs.forEach((x, k) => {
+  given.forEach((x, k) => {
     const box = bounds[root(k >> 1)];
     const side = 2 * (k % 2);
     box[side] = Math.min(box[side], x);
     box[side + 1] = Math.max(box[side + 1], x);
   });
-  uvs.forEach((x, k) => {
-    const side = 2 * (k % 2);
-    const [low, high] = bounds[root(k >> 1)].slice(side, side + 2);
-    uvs[k] = x - Math.floor((low + high) / 2);
-  });
+  const uvs = Float32Array.from(given);
+  const moved: number[] = [];
+  const uvIndices = Uint32Array.from(corners);
+  for (let k = 0; k < corners.length; k += 3) {
+    const box = bounds[root(corners[k])];
+    const shifts = [0, 1].map((axis) => Math.floor((box[2 * axis] + box[2 * axis + 1]) / 2));
+    // Painters leave a little bleed.
+    const fits = shifts.every((shift, axis) => box[2 * axis] - shift > -0.05 && box[2 * axis + 1] - shift < 1.05);
+    const triangle = corners.slice(k, k + 3);
+    const middle = [0, 1].map((axis) => Math.floor(triangle.reduce((sum, n) => sum + given[2 * n + axis], 0) / 3));
+    triangle.forEach((number, corner) => {
+      const at = shifts.map((shift, axis) => given[2 * number + axis] - (fits ? shift : middle[axis]));
+      if (fits) {
+        uvs.set(at, 2 * number);
+      } else {
+        moved.push(...at);
+        uvIndices[k + corner] = (given.length + moved.length) / 2 - 1;
+      }
+    });
+  }
+  const all = new Float32Array(uvs.length + moved.length);
+  all.set(uvs);
+  all.set(moved, uvs.length);
+  return { uvs: all, uvIndices };
 }
 
 /** The positions of a part's welded vertices. */
 function pose({ mesh, positions, morphs, skin, own, welded }: Part, toSpace: Matrix4, into: Float32Array): void {
   const influences = mesh.morphTargetInfluences ?? [];
-  const active = morphs.map((offsets, k) => ({ offsets, share: influences[k] ?? 0 })).filter(({ share }) => share !== 0);
+  const active = morphs.map((offsets, k) => ({ offsets, share: influences[k] ?? 0 })).filter(({ share }) => share);
   // Targets that are no offsets take the share of the mesh's own positions.
   const rest = mesh.geometry.morphTargetsRelative ? 1 : active.reduce((sum, { share }) => sum - share, 1);
   const place = toSpace.clone().multiply(mesh.matrixWorld);
