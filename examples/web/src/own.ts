@@ -1,0 +1,225 @@
+/** The visitor's own character, from a glTF file. */
+import {
+  AnimationClip, AnimationMixer, DataTexture, NumberKeyframeTrack, RepeatWrapping, SRGBColorSpace, type Material, type Mesh,
+  type Object3D, type SkinnedMesh, type Texture,
+} from "three";
+import { redirect } from "vrtm/three";
+import { count, limits, list, load, type Named } from "./files.js";
+import type { Open, Part } from "./state.js";
+
+export interface Own extends Open {
+  clips: AnimationClip[];
+  /** Sentences on what of the file is not there or not redirected, and on the sizes that this device gets. */
+  notes: string[];
+}
+
+const isMesh = (object: Object3D): object is Mesh => (object as Mesh).isMesh === true;
+
+/** Opens a character. Errors are sentences for the visitor; whoever calls closes what was open before, with `dispose`. */
+export async function openFiles(files: Named[]): Promise<Own> {
+  const main = files.find(({ path }) => /\.(glb|gltf|vrm)$/i.test(path));
+  if (!main) {
+    throw new Error(`${list(files.map(({ file }) => file.name)) || "This"} is no glTF: a file that ends in .glb or .gltf is needed.`);
+  }
+  const { bytes, texels, parts: most, size, map, grid } = limits();
+  const sum = files.reduce((sum, { file }) => sum + file.size, 0);
+  if (sum > bytes) {
+    throw new Error(`${main.file.name} has ${count(Math.ceil(sum / 1e6), "MB")}: this device opens up to ${count(bytes / 1e6, "MB")}.`);
+  }
+  const notes: string[] = [];
+  const { scene: root, animations: clips } = await load(main, files, notes);
+  const open: Own = { name: main.file.name, root, parts: [], clips, notes };
+  try {
+    const groups = group(root, notes);
+    const all = images(root).reduce((sum, { width, height }) => sum + width * height, 0);
+    if (all > texels) {
+      throw new Error(`Its textures have ${count(Math.ceil(all / 1e6), "million texels")}: this device opens up to ${count(Math.floor(texels / 1e6), "million")}.`);
+    }
+    if (groups.length > most) {
+      notes.push(`${groups.length - most} of its ${groups.length} sets of textures are drawn as they are: this device redirects ${most}.`);
+    }
+    const sizes = groups.map(({ map: { image } }) => {
+      const { width, height } = image as ImageBitmap;
+      return Math.min(size, Math.max(256, 2 ** Math.round(Math.log2(Math.max(width, height)))));
+    });
+    const made = groups.slice(0, most).map(async ({ meshes, map: texture }, k): Promise<Part> => {
+      const rigidity = new Uint8Array(sizes[k] ** 2);
+      const redirected = await redirect(meshes, {
+        rigidity, size: sizes[k], mapSize: Math.min(map, sizes[k]), grid, uv: texture.channel,
+        worker: new Worker("worker.js", { type: "module" }), wasm: new URL("vrtm_bg.wasm", location.href).href,
+        log: ({ level, message }) => void (level === "warning" && open.parts.length === 0 && notes.push(message)),
+      });
+      return { meshes, source: redirected.source, redirected, rigidity, size: sizes[k], texture: unwrapped(texture, sizes[k]) };
+    });
+    for (const { status, ...result } of await Promise.allSettled(made)) {
+      if (status === "fulfilled") {
+        open.parts.push((result as { value: Part }).value);
+      } else {
+        notes.push(`One part is drawn as it is: ${(result as { reason: Error }).reason.message}.`);
+      }
+    }
+    if (open.parts.length === 0) {
+      throw new Error(notes.at(-1));
+    }
+    const [clip] = [...clips.filter(moves), ...inTurn(root, notes)];
+    const deforms = groups.some(({ meshes }) => meshes.some((mesh) => (mesh as SkinnedMesh).isSkinnedMesh || mesh.morphTargetInfluences));
+    if (clip) {
+      play(open, clip);
+    }
+    if (!clip || !deforms) {
+      notes.push(clip
+        ? "Its meshes move as wholes: nothing deforms, so nothing has to be redirected."
+        : "It has no animation and no morph targets: it does not move, and nothing has to be redirected.");
+    }
+    notes.push(`For this device: maps of ${map} × ${map}, ${grid ? `a grid of ${grid} × ${grid}` : "as fine a grid as what is rigid needs"}.`);
+    return open;
+  } catch (error) {
+    dispose(open);
+    throw error;
+  }
+}
+
+/** Plays one of a character's clips, from its start. */
+export function play(open: Own, clip: AnimationClip): void {
+  open.clip?.mixer.stopAllAction();
+  const mixer = open.clip?.mixer ?? new AnimationMixer(open.root);
+  mixer.clipAction(clip).reset().play();
+  mixer.setTime(0);
+  open.clip = { mixer, duration: clip.duration, name: clip.name };
+}
+
+/** Ends workers, and frees what the GPU has of a character. */
+export function dispose({ root, clip, parts }: Open): void {
+  clip?.mixer.stopAllAction();
+  clip?.mixer.uncacheRoot(root);
+  parts.forEach(({ redirected }) => redirected.dispose());
+  root.removeFromParent();
+  root.traverse((object) => {
+    const { geometry, skeleton } = object as SkinnedMesh;
+    geometry?.dispose();
+    skeleton?.dispose();
+    materials(object).forEach((material) => {
+      textures(material).forEach((texture) => texture.dispose());
+      material.dispose();
+    });
+  });
+  images(root).forEach((image) => image.close?.());
+}
+
+const materials = (object: Object3D): Material[] => [(object as Mesh).material ?? []].flat();
+const textures = (material: Material): Texture[] => Object.values(material).filter((value) => value?.isTexture);
+
+function images(root: Object3D): ImageBitmap[] {
+  const all = new Set<ImageBitmap>();
+  root.traverse((object) => materials(object).flatMap(textures).forEach(({ image }) => image && all.add(image as ImageBitmap)));
+  return [...all];
+}
+
+interface Group {
+  meshes: Mesh[];
+  map: Texture;
+}
+
+/** Meshes that share a texture, those with the most triangles first. What has none, or no UVs, is drawn as it is. */
+function group(root: Object3D, notes: string[]): Group[] {
+  const all: Mesh[] = [];
+  root?.traverse((object) => isMesh(object) && all.push(object));
+  if (all.length === 0) {
+    throw new Error("It has no mesh: points, lines, cameras and lights have no surface to paint on.");
+  }
+  const mapOf = ({ material }: Mesh): Texture | undefined => {
+    const [{ map, normalMap, emissiveMap, roughnessMap }] = [material].flat() as unknown as Record<string, Texture | undefined>[];
+    return map ?? normalMap ?? emissiveMap ?? roughnessMap ?? undefined;
+  };
+  if (!all.some(mapOf)) {
+    notes.push("It has no textures: it is shown with a pattern.");
+    const map = pattern();
+    all.flatMap(materials).forEach((material) => Object.assign(material, { map, needsUpdate: true }));
+  }
+  const groups = new Map<string, Group>();
+  const bare: Mesh[] = [];
+  for (const mesh of all) {
+    const map = mapOf(mesh);
+    if (map && hasArea(mesh, map.channel)) {
+      const key = `${map.source.uuid} ${map.channel}`;
+      groups.set(key, { map, meshes: [...(groups.get(key)?.meshes ?? []), mesh] });
+    } else if (map) {
+      bare.push(mesh);
+    }
+  }
+  if (groups.size === 0) {
+    throw new Error("It has no UVs, or all of them are in one place: unwrap it, and export it again.");
+  }
+  if (bare.length > 0) {
+    notes.push(`${bare.length} of its ${all.length} meshes have no UVs: they are drawn as they are.`);
+  }
+  const triangles = ({ meshes }: Group) => meshes.reduce((sum, { geometry }) => sum + (geometry.index ?? geometry.attributes.position).count, 0);
+  return [...groups.values()].sort((a, b) => triangles(b) - triangles(a));
+}
+
+/** The UVs of a mesh are there, and not all on one line. */
+function hasArea({ geometry: { attributes, index } }: Mesh, channel: number): boolean {
+  const uv = attributes[channel === 0 ? "uv" : `uv${channel}`];
+  const corners = (index ?? attributes.position).count;
+  for (let k = 0; uv && k + 2 < corners; k += 3) {
+    const [a, b, c] = [k, k + 1, k + 2].map((corner) => (index ? index.getX(corner) : corner));
+    const [u, v] = [uv.getX(a), uv.getY(a)];
+    const area = (uv.getX(b) - u) * (uv.getY(c) - v) - (uv.getX(c) - u) * (uv.getY(b) - v);
+    if (Math.abs(area) > 1e-12) {
+      return true;
+    }
+  }
+  return false;
+}
+
+/** Discs on a light ground, for what has no texture. */
+function pattern(): Texture {
+  const size = 512;
+  const texels = Uint8Array.from({ length: 4 * size * size }, (_, k) => {
+    const [x, y] = [(k >> 2) % size, (k >> 2) / size].map((t) => (Math.floor(t) % 32) - 15.5);
+    return k % 4 === 3 || Math.hypot(x, y) > 9 ? 225 : [40, 90, 120][k % 4];
+  });
+  const texture = new DataTexture(texels, size, size);
+  texture.wrapS = texture.wrapT = RepeatWrapping;
+  texture.colorSpace = SRGBColorSpace;
+  texture.generateMipmaps = texture.needsUpdate = true;
+  return texture;
+}
+
+/** A texture as the mesh's own UVs see it, before the texture's transform; the first row is v = 1 of vrtm. */
+function unwrapped(texture: Texture, size: number): ImageData | null {
+  const image = texture.image as ImageBitmap | ImageData;
+  const canvas = new OffscreenCanvas(size, size);
+  const context = canvas.getContext("2d", { willReadFrequently: true })!;
+  const source = new OffscreenCanvas(image.width, image.height);
+  const from = source.getContext("2d")!;
+  if ("data" in image) {
+    from.putImageData(new ImageData(new Uint8ClampedArray(image.data), image.width, image.height), 0, 0);
+  } else {
+    from.drawImage(image, 0, 0);
+  }
+  const tile = context.createPattern(source, "repeat")!;
+  texture.updateMatrix();
+  const [a, b, , c, d, , e, f] = texture.matrix.elements;
+  tile.setTransform(new DOMMatrix([a, b, c, d, e, f]).inverse().scale(1 / image.width, 1 / image.height));
+  context.scale(size, size);
+  context.fillStyle = tile;
+  context.fillRect(0, 0, 1, 1);
+  return context.getImageData(0, 0, size, size);
+}
+
+const moves = ({ tracks }: AnimationClip): boolean =>
+  tracks.some((track) => track.values.some((x, k) => Math.abs(x - track.values[k % track.getValueSize()]) > 1e-4));
+
+/** A clip of all morph targets, one after the other, for a file that has none. */
+function inTurn(root: Object3D, notes: string[]): AnimationClip[] {
+  const meshes: Mesh[] = [];
+  root.traverse((object) => isMesh(object) && object.morphTargetDictionary && meshes.push(object));
+  const names = [...new Set(meshes.flatMap(({ morphTargetDictionary }) => Object.keys(morphTargetDictionary!)))];
+  const tracks = meshes.flatMap(({ uuid, morphTargetDictionary }) =>
+    Object.entries(morphTargetDictionary!).map(([name, k]) => {
+      const start = names.indexOf(name);
+      return new NumberKeyframeTrack(`${uuid}.morphTargetInfluences[${k}]`, [start, start + 0.5, start + 1], [0, 1, 0]);
+    }));
+  return names.length > 0 ? [new AnimationClip("morph targets in turn", names.length, tracks)] : [];
+}
