@@ -1,25 +1,24 @@
 /** The page: what is pressed and moved, and what follows of it. */
-import { AnimationMixer, Mesh } from "three";
-import { redirect } from "vrtm/three";
+import type { Object3D } from "three";
+import { mount as mountFiles, type Named } from "./files.js";
 import { read, restroke, strokes, write, type Kept } from "./link.js";
 import { LOOKS, shared, type Look } from "./looks.js";
 import { missing } from "./missing.js";
+import { dispose, openFiles, play as playClip } from "./own.js";
 import { ring } from "./rings.js";
-import { puffer, type Ring } from "./scenes.js";
+import { SCENES, type Scene } from "./scenes.js";
 import { Stage } from "./stage.js";
-import type { Open } from "./state.js";
+import type { Part } from "./state.js";
 import { Loop, measured, percent, words } from "./strain.js";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const { body } = document;
 const [slider, message] = [element<HTMLInputElement>("time"), element("message")];
 
-/** What is open, and how it is shown. */
-interface Shown extends Open {
+/** What is open: rigidity as it came, and measures of its loop. */
+interface Shown extends Scene {
   scene: string;
-  rings: Ring[];
-  /** Rigidity as it came. */
-  first: Uint8Array;
+  first: Uint8Array[];
   loop: Loop;
 }
 let open: Shown | undefined;
@@ -28,58 +27,86 @@ let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** Seconds: of the newest pose, and of the pose that is shown. */
 let [time, shownTime] = [0, 0];
 let updates = 0;
+let turns = 0;
 let resting: ReturnType<typeof setTimeout> | undefined;
 
-/** A phone's memory: cells of the grid and texels of the map along each side. */
-const cells = ((navigator as { deviceMemory?: number }).deviceMemory ?? 8) > 4 ? 384 : 256;
-
-function say(text: unknown, failed = text instanceof Error): void {
+/** Errors stay until something is pressed. */
+function say(text: unknown): void {
   message.textContent = text instanceof Error ? text.message : String(text);
-  if (failed) {
-    body.dataset.state = "failed";
+  message.classList.toggle("error", text instanceof Error);
+}
+
+/** A built-in scene, with the paint of a link. */
+async function prepare(scene: string, { paint }: Partial<Kept> = {}): Promise<Shown> {
+  const early = (root: Object3D, direction: number[]) =>
+    setTimeout(() => open ?? (stage.show(root, direction), say("Getting ready: vrtm is on its way")), 500);
+  const made = await SCENES[scene][1](early);
+  const first = made.parts.map(({ rigidity }) => rigidity.slice());
+  if (paint) {
+    const [{ rigidity, size, redirected }] = made.parts;
+    rigidity.set(restroke(paint, first[0], size));
+    await redirected.setRigidity(rigidity, size);
   }
+  return { ...made, scene, first, loop: new Loop() };
 }
 
-/** Makes a scene, and a worker that prepares it. */
-async function prepare(scene: string, kept: Partial<Kept> = {}): Promise<Shown> {
-  const { root, clip, rigidity: first, size, texture, rings } = puffer();
-  const mixer = new AnimationMixer(root);
-  mixer.clipAction(clip).play();
-  const meshes = [root.children[0] as Mesh];
-  const rigidity = kept.paint ? restroke(kept.paint, first, size) : first.slice();
-  const redirected = await redirect(meshes, {
-    rigidity, size, grid: cells, mapSize: cells, worker: new Worker("worker.js", { type: "module" }),
-    wasm: new URL("vrtm_bg.wasm", location.href).href,
-  });
-  const parts = [{ meshes, source: redirected.source, redirected, rigidity, size, texture }];
-  return { name: "Puffer fish", root, clip: { mixer, duration: clip.duration, name: clip.name }, parts, scene, rings, first, loop: new Loop() };
+/** Characters of the visitor's are not painted yet. */
+async function own(files: Named[]): Promise<Shown> {
+  const made = await openFiles(files);
+  const sentence = `${made.name}: choose what keeps its shape under “Paint”. The file stays on this device.`;
+  const first = made.parts.map(({ rigidity }) => rigidity.slice());
+  return { ...made, sentence, direction: [0.3, 0.15, 0.94], rings: [], scene: "own", first, loop: new Loop() };
 }
 
-async function show(prepared: Promise<Shown>, kept: Partial<Kept> = {}): Promise<void> {
+/** Shows what is opened next; what was open before stays until then, or if this fails. */
+async function show(opening: () => Promise<Shown>, kept: Partial<Kept> = {}): Promise<void> {
+  const turn = ++turns;
   say("Getting ready");
-  body.dataset.state = "loading";
+  const made = await opening();
+  if (turn !== turns) {
+    return dispose(made);
+  }
   close();
-  open = await prepared;
-  const { clip } = open;
+  open = made;
+  const { clip, clips, notes, parts } = made;
   time = shownTime = Math.min(kept.time ?? 0, clip?.duration ?? 0);
   clip?.mixer.setTime(time);
+  slider.disabled = !clip;
   slider.max = String(clip?.duration ?? 0);
   slider.value = String(time);
-  stage.show(open, kept.view ?? [0.33, 0.17, 0.93]);
+  element("sentence").textContent = made.sentence;
+  element("rings").hidden = made.rings.length === 0;
+  element<HTMLSelectElement>("clip").replaceChildren(...clips.map(({ name }, k) => new Option(name, String(k))));
+  element("clip").hidden = clips.length < 2;
+  element("link").hidden = made.scene === "own";
+  element<HTMLSelectElement>("scene").value = made.scene;
+  stage.show(made.root, kept.view ?? made.direction);
+  stage.dress(parts);
   say("One moment: vrtm is solving");
-  tell();
+  const grids = await Promise.all(parts.map(({ redirected }) => redirected.asset.grid(0)));
+  element("notes").textContent = [...notes, memory(parts, grids)].join(" ");
   await solve("draft");
-  if (!playing) {
+  if (!playing || !clip) {
     moved();
   }
 }
 
+/** Bytes of what is open: per node and triangle of the solver, per texel of maps and textures. */
+function memory(parts: Part[], grids: [number, number][]): string {
+  const bytes = parts.reduce((sum, { source: { mesh }, size, redirected: { mapSize } }, k) =>
+    sum + 157 * grids[k][0] * grids[k][1] + 116 * (mesh.indices.length / 3) + 8 * mapSize ** 2 + 22 * size ** 2, 0);
+  return `Solved on ${grids.map((grid) => grid.join(" × ")).join(", ")} cells; this takes about ${Math.ceil(bytes / 1e6)} MB.`;
+}
+
 function close(): void {
   stage.close();
-  open?.parts.forEach(({ redirected }) => redirected.dispose());
+  if (open) {
+    dispose(open);
+  }
   open = undefined;
   delete body.dataset.solved;
   element<HTMLButtonElement>("worst").disabled = true;
+  element("numbers").textContent = "";
 }
 
 /** Solves for the newest time, and shows pose and map together once they are there. */
@@ -103,11 +130,15 @@ async function solve(quality: "draft" | "normal"): Promise<void> {
   clip?.mixer.setTime(at);
   ring(part, now.rings, pose);
   stage.solved = true;
-  say("");
+  if (!message.classList.contains("error")) {
+    say("");
+  }
   body.dataset.state = playing ? "playing" : "still";
   body.dataset.solved = quality;
   const strain = measured(parts);
-  if (strain) {
+  if (measure && !strain) {
+    element("numbers").textContent = "Nothing is painted that keeps its shape.";
+  } else if (strain) {
     now.loop.add(at, strain);
     element("numbers").textContent = words(strain);
     const shares = { ".without b": strain.before, ".with b": strain.after };
@@ -158,13 +189,6 @@ function seek(to: number): void {
   time = to;
   slider.value = String(to);
   play(false);
-}
-
-/** Bytes that are held for what is open: textures, meshes, and per node and triangle of the solver. */
-function tell(): void {
-  const bytes = (open?.parts ?? []).reduce((sum, { source: { mesh }, rigidity, texture }) =>
-    sum + 157 * cells * cells + 4 * cells * cells + 116 * (mesh.indices.length / 3) + 3 * rigidity.length + (texture ? 3 * 1.33 * texture.data.length : 0), 0);
-  element("memory").textContent = `Solved on ${cells} × ${cells} cells, with about ${Math.ceil(bytes / 1e6)} MB.`;
 }
 
 function wipeTo(share: number): void {
@@ -233,7 +257,7 @@ async function copyLink(): Promise<void> {
   const chosen = (name: string) => document.querySelector<HTMLInputElement>(`[name=${name}]:checked`)!.value;
   const kept: Kept = {
     scene: open!.scene, time: shownTime, view: stage.view(), look: chosen("look"), compare: stage.compare, wipe: stage.wipe,
-    lines: shared.lines.value > 0, paint: strokes(part.rigidity, open!.first, part.size),
+    lines: shared.lines.value > 0, paint: strokes(part.rigidity, open!.first[0], part.size),
   };
   history.replaceState(null, "", `#${write(kept)}`);
   await navigator.clipboard?.writeText(location.href).catch(() => undefined);
@@ -249,9 +273,11 @@ function choose(name: string, value: string | undefined): void {
 }
 
 function start(): void {
+  document.querySelector("details")!.open = innerWidth > 760;
   const kept = read(location.hash);
   // The worker prepares while lights are made.
-  const prepared = prepare("puffer", kept);
+  const scene = kept.scene && kept.scene in SCENES ? kept.scene : "puffer";
+  const prepared = prepare(scene, kept);
   stage = new Stage(element<HTMLCanvasElement>("view"));
   const each = (name: string, call: (value: string) => void) =>
     document.querySelectorAll<HTMLInputElement>(`[name=${name}]`).forEach((input) => input.addEventListener("change", () => call(input.value)));
@@ -271,13 +297,27 @@ function start(): void {
   element("link").addEventListener("click", () => void copyLink().catch(say));
   stage.canvas.addEventListener("webglcontextlost", (event) => {
     event.preventDefault();
-    say("The graphics card is busy elsewhere; the picture comes back as soon as it may.", true);
+    say(new Error("The graphics card was taken away; the picture comes back as soon as it may."));
   });
   stage.canvas.addEventListener("webglcontextrestored", () => {
     say("");
     moved();
   });
   new ResizeObserver(layout).observe(stage.canvas);
+  const scenes = element<HTMLSelectElement>("scene");
+  scenes.append(...Object.entries(SCENES).map(([name, [title]]) => new Option(title, name, false, name === scene)));
+  scenes.append(Object.assign(new Option("Your own", "own"), { disabled: true }));
+  scenes.addEventListener("change", () => show(() => prepare(scenes.value)).catch(say));
+  element("choose").addEventListener("click", () => element("file").click());
+  mountFiles(body, element<HTMLInputElement>("file"), (files) => void show(() => own(files)).catch(say));
+  element<HTMLSelectElement>("clip").addEventListener("change", ({ target }) => {
+    playClip(open!, open!.clips[Number((target as HTMLSelectElement).value)]);
+    open!.loop.clear();
+    slider.max = String(open!.clip!.duration);
+    seek(0);
+    play(true);
+  });
+  addEventListener("pointerdown", () => message.classList.contains("error") && say(""));
   pointers();
   keys();
   choose("look", kept.look);
@@ -289,13 +329,17 @@ function start(): void {
   if (kept.time !== undefined) {
     play(false);
   }
-  show(prepared, kept).catch(say);
+  show(() => prepared, kept).catch(say);
   void run();
 }
 
+// For the console of a browser.
+Object.defineProperty(globalThis, "character", { get: () => open });
+
 const lack = missing();
 if (lack) {
-  say(lack, true);
+  body.dataset.state = "missing";
+  say(new Error(lack));
 } else {
   start();
 }

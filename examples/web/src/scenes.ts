@@ -1,12 +1,18 @@
-/** A puffer fish that is made here: it swims, breathes in and out, and is painted with round scales and eyes. */
+/** Built-in scenes: a puffer fish that is made here, which swims, breathes and has round scales and eyes; and two files. */
 import {
   AnimationClip, BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Group, LinearFilter, LinearMipmapLinearFilter,
   Mesh, MeshStandardMaterial, NumberKeyframeTrack, RepeatWrapping, SRGBColorSpace, Vector3,
+  type Object3D,
 } from "three";
 import { mergeGeometries } from "three/addons/utils/BufferGeometryUtils.js";
+import { redirect } from "vrtm/three";
+import { limits } from "./files.js";
+import { openFiles, play, type Own } from "./own.js";
 
 /** Texels of the textures along each side. */
 const SIZE = 1024;
+/** Cells of the grids and texels of the maps along each side: scenes play smoothly with them. */
+const CELLS = limits().grid || 384;
 /** Circles of the surface at rest that rings mark. */
 export interface Ring {
   uv: [number, number];
@@ -178,8 +184,8 @@ function paint(): { colour: Uint8ClampedArray; relief: Uint8Array; rigidity: Uin
   return { colour, relief, rigidity, scales };
 }
 
-/** The fish, its motion, and what is painted on it. */
-export function puffer() {
+/** The fish and its motion, painted. */
+async function puffer(early: Early): Promise<Scene> {
   const { colour, relief, rigidity, scales } = paint();
   const texture = (data: Uint8ClampedArray | Uint8Array) => {
     const made = new DataTexture(data, SIZE, SIZE);
@@ -194,21 +200,76 @@ export function puffer() {
   const fish = new Mesh(sheet(96, 72, body), skin);
   const fins = new Mesh(trim(), new MeshStandardMaterial({ vertexColors: true, roughness: 0.45, side: DoubleSide }));
   const root = new Group().add(fish, fins);
-  Object.assign(fish, { name: "skin" });
-  Object.assign(fins, { name: "fins" });
+  fish.name = "skin";
+  fins.name = "fins";
   const times = Array.from({ length: 97 }, (_, k) => k / 16);
   const influences = times.flatMap((time) => {
     const phase = (2 * Math.PI * time) / 6;
     return [smooth(0, 1, 0.5 - 0.62 * Math.cos(phase)), Math.sin(4 * phase)];
   });
   const tracks = [fish, fins].map(({ name }) => new NumberKeyframeTrack(`${name}.morphTargetInfluences`, times, influences));
+  const direction = [0.21, 0.11, 0.59];
+  early(root, direction);
+  const redirected = await redirect(fish, {
+    rigidity, size: SIZE, grid: CELLS, mapSize: CELLS, worker: new Worker("worker.js", { type: "module" }),
+    wasm: new URL("vrtm_bg.wasm", location.href).href,
+  });
   const near = ([s, t]: number[]) => {
     const away = ({ uv }: Ring) => Math.hypot(uv[1] - s, uv[0] - t);
     return scales.reduce((best, ring) => (away(ring) < away(best) ? ring : best));
   };
-  return {
-    root, rigidity, size: SIZE, texture: new ImageData(colour as Uint8ClampedArray<ArrayBuffer>, SIZE, SIZE),
-    clip: new AnimationClip("breathes in", 6, tracks),
+  const open: Scene = {
+    name: "Puffer fish", root, clips: [new AnimationClip("breathes in", 6, tracks)], notes: [],
+    parts: [{
+      meshes: [fish], source: redirected.source, redirected, rigidity, size: SIZE,
+      texture: new ImageData(colour as Uint8ClampedArray<ArrayBuffer>, SIZE, SIZE),
+    }],
+    sentence: "A fish breathes in: its scales and eyes stretch with the skin; with vrtm they keep their shape.",
+    direction,
     rings: [[0.46, 0.33], [0.6, 0.22], [0.34, 0.2]].map(near),
   };
+  play(open, open.clips[0]);
+  return open;
 }
+
+/** A scene of this page's files: its picture, and what of it is rigid. */
+async function files(name: string, says: Omit<Scene, keyof Own>): Promise<Scene> {
+  const [model, image] = await Promise.all(["glb", "png"].map(async (type) => {
+    const response = await fetch(`scenes/${name}.${type}`);
+    if (!response.ok) {
+      throw new Error(`This page lacks its file scenes/${name}.${type}.`);
+    }
+    return response.blob();
+  }));
+  const open = await openFiles([{ path: `${name}.glb`, file: new File([model], `${name}.glb`) }]);
+  const [part] = open.parts;
+  const { size } = part;
+  const context = new OffscreenCanvas(size, size).getContext("2d", { willReadFrequently: true })!;
+  context.drawImage(await createImageBitmap(image, { colorSpaceConversion: "none" }), 0, 0, size, size);
+  part.rigidity.set(context.getImageData(0, 0, size, size).data.filter((_, k) => k % 4 === 0));
+  await part.redirected.setRigidity(part.rigidity, size);
+  await part.redirected.asset.setSettings(0, { grid: CELLS });
+  return { ...open, ...says };
+}
+
+/** A character that is open, with what the page says of it. */
+export interface Scene extends Own {
+  sentence: string;
+  /** Where the camera stands, as a share of its distance at first. */
+  direction: number[];
+  rings: Ring[];
+}
+
+/** Gets what can be seen before its parts are ready. */
+type Early = (root: Object3D, direction: number[]) => void;
+
+/** Built-in scenes: titles, and what opens them. */
+export const SCENES: Record<string, [title: string, open: (early: Early) => Promise<Scene>]> = {
+  puffer: ["Puffer fish", puffer],
+  creature: ["Lizard", () => files("creature", {
+    sentence: "A lizard turns and breathes: with vrtm its scales keep their shape.", direction: [0.5, 0.22, 0.47], rings: [],
+  })],
+  jug: ["Jug", () => files("jug", {
+    sentence: "A mug becomes a jug: with vrtm its gilded emblems keep their shape.", direction: [0.4, 0.25, 0.88], rings: [],
+  })],
+};

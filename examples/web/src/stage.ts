@@ -1,12 +1,13 @@
 /** The picture: camera, light, one pane with a wipe or two, rings, and what the pointer is over. */
 import {
   BackSide, Box3, BoxGeometry, DirectionalLight, Mesh, MeshBasicMaterial, NeutralToneMapping, PMREMGenerator, PerspectiveCamera,
-  Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Intersection, type Texture,
+  Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Intersection, type Object3D,
+  type Texture,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { dress, shared } from "./looks.js";
 import type { Ring } from "./scenes.js";
-import type { Open, Part } from "./state.js";
+import type { Part } from "./state.js";
 
 /** The place under a pointer. */
 export interface Hit {
@@ -47,7 +48,8 @@ export class Stage {
   compare: "wipe" | "side" = "wipe";
   /** Redirected pictures are there: until then there is one pane without a wipe. */
   solved = false;
-  #open: Open | undefined;
+  #root: Object3D | undefined;
+  #parts: Part[] = [];
   #dressed = new Map<Part, ReturnType<typeof dress>>();
   #away = 1;
   #wanted = false;
@@ -79,28 +81,26 @@ export class Stage {
     generator.dispose();
   }
 
-  /** Shows another character; `direction` is where the camera stands, its length a share of the distance at first. */
-  show(open: Open, direction: number[]): void {
+  /** Shows another character, as it comes; `direction` is where the camera stands, as a share of its distance at first. */
+  show(root: Object3D, direction: number[]): void {
     this.close();
-    this.#open = open;
-    open.parts.forEach((part) => this.#dressed.set(part, dress(part, this.renderer)));
-    this.scene.add(open.root);
-    const box = new Box3();
-    open.parts.forEach(({ source }) => {
-      const positions = source.pose();
-      const point = new Vector3();
-      for (let k = 0; k < positions.length; k += 3) {
-        box.expandByPoint(point.fromArray(positions, k).applyMatrix4(source.matrixWorld));
-      }
-    });
-    const { center, radius } = box.getBoundingSphere(new Sphere());
+    this.#root = root;
+    const { center, radius } = new Box3().setFromObject(root).getBoundingSphere(new Sphere());
+    this.scene.add(root);
     this.controls.target.copy(center);
-    const away = this.#away = (radius * 1.06) / Math.sin((this.camera.fov * Math.PI) / 360);
+    const away = this.#away = radius / Math.sin((this.camera.fov * Math.PI) / 360);
     Object.assign(this.camera, { near: away / 100, far: away * 10 });
     this.camera.position.copy(new Vector3(...direction).multiplyScalar(away).add(center));
-    this.controls.minDistance = radius * 0.4;
+    this.controls.minDistance = radius * 0.3;
     this.controls.maxDistance = away * 2;
     this.controls.update();
+    this.draw();
+  }
+
+  /** Adds the looks to what is shown, once its parts are there. */
+  dress(parts: Part[]): void {
+    this.#parts = parts;
+    parts.forEach((part) => this.#dressed.set(part, dress(part, this.renderer)));
     this.draw();
   }
 
@@ -121,10 +121,10 @@ export class Stage {
   }
 
   close(): void {
-    this.#open?.root.removeFromParent();
+    this.#root?.removeFromParent();
     this.#dressed.forEach(({ dispose }) => dispose());
     this.#dressed.clear();
-    this.#open = undefined;
+    this.#parts = [];
     this.solved = false;
     shared.rings.value.forEach((ring) => (ring.w = 0));
   }
@@ -149,7 +149,7 @@ export class Stage {
     const [x, y] = [clientX - box.left, clientY - box.top];
     const panes = this.#panes();
     const k = panes.findIndex(([left, top, width, height]) => x >= left && x < left + width && y >= top && y < top + height);
-    if (!this.#open || k < 0) {
+    if (k < 0) {
       return null;
     }
     const [left, top, width, height] = panes[k];
@@ -158,7 +158,7 @@ export class Stage {
     ray.setFromCamera(new Vector2((2 * (x - left)) / width - 1, 1 - (2 * (y - top)) / height), this.camera);
     const redirected = this.solved && (panes.length > 1 ? k === 1 : x >= this.wipe * box.width);
     let found: { part: Part; hit: Intersection } | undefined;
-    for (const part of this.#open.parts) {
+    for (const part of this.#parts) {
       const [hit] = ray.intersectObjects(part.meshes, false);
       if (hit?.uv && !(found && found.hit.distance < hit.distance)) {
         found = { part, hit };
@@ -202,7 +202,7 @@ export class Stage {
     this.renderer.setScissorTest(true);
     const panes = this.#panes();
     for (const [k, [left, top, w, h]] of panes.entries()) {
-      for (const { redirected: { uniforms } } of this.#open?.parts ?? []) {
+      for (const { redirected: { uniforms } } of this.#parts) {
         uniforms.strength.value = this.solved && (panes.length === 1 || k === 1) ? 1 : 0;
         uniforms.wipe.value = panes.length === 1 ? this.wipe * width * this.renderer.getPixelRatio() : 0;
       }
