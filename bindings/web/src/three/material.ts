@@ -24,16 +24,21 @@ export interface PatchOptions {
 
 const LOOK_UP = "vec2 vrtmLookUp( vec2 at ) { return textureLod( vrtmMap, at, 0.0 ).rg; }";
 
-/** Redirected UV, the own one, the difference, the derivatives by x and y of the screen, and the turn of tangents. */
-const GLOBALS = "varying vec2 vrtmOwn;\nvec2 vrtmUv, vrtmDelta;\nmat2 vrtmGrad;\nmat3 vrtmTurn = mat3( 1.0 );\n";
-
 /** The shader knows the derivatives of the own UVs in each pixel, and those of the redirection from neighbouring texels:
  * differences between redirected pixels would be wrong where a block of four reaches over the border of a chart. */
 const declarations = (flipY: boolean, lookUp: string) => /* glsl */ `
 uniform sampler2D vrtmMap;
 uniform float vrtmStrength, vrtmWipe;
+varying vec2 vrtmOwn;
+// Redirected UV, its distance from the own one, its derivatives by x and y of the screen, and the turn of the tangents.
+vec2 vrtmUv, vrtmDelta;
+mat2 vrtmGrad;
+mat3 vrtmTurn = mat3( 1.0 );
 ${lookUp}
 vec2 vrtmDeltaAt( vec2 uv ) { return ${flipY ? "vrtmLookUp( vec2( uv.x, 1.0 - uv.y ) )" : "vrtmLookUp( uv ) * vec2( 1.0, - 1.0 )"}; }
+`;
+
+const REDIRECT = /* glsl */ `
 void vrtmRedirect() {
   float strength = gl_FragCoord.x < vrtmWipe ? 0.0 : vrtmStrength;
   vec2 texel = 1.0 / vec2( textureSize( vrtmMap, 0 ) ), h = vec2( texel.x, 0.0 ), v = vec2( 0.0, texel.y );
@@ -69,7 +74,7 @@ const resolved = (text: string): string =>
  * and `undefined` for textures of other UV sets. */
 function redirected(text: string, head: string, transformOf: (slot?: string) => string | undefined): string {
   const matrix = (slot?: string) => `mat2( ${transformOf(slot) || 1.0} )`;
-  return GLOBALS + resolved(text)
+  const body = resolved(text)
     // The frame of tangents takes derivatives in place of the UV.
     .replace(/(mat3 getTangentFrame\([^)]*)vec2 uv/, "$1mat2 uv")
     .replace(/dFd([xy])\( uv\.st \)/g, (_, axis) => `uv[ ${axis === "x" ? 0 : 1} ]`)
@@ -91,7 +96,9 @@ function redirected(text: string, head: string, transformOf: (slot?: string) => 
       const gradient = `${matrix(slot)} * vrtmGrad`;
       return sampler ? `textureGrad( ${sampler}, ${uv}${rest}, ( ${gradient} )[ 0 ], ( ${gradient} )[ 1 ] )` : uv;
     })
-    .replace(MAIN, () => head);
+    .replace(MAIN, () => REDIRECT);
+  // Functions before `main`, as that of bump maps, read the redirected UV, too.
+  return head + body;
 }
 
 /** Replaces a method of an object, and returns what takes that back. */
@@ -153,6 +160,7 @@ export function patch(
     isLive = false;
     undo.forEach((call) => call());
     patched.delete(material);
-    material.needsUpdate = true;
+    // three.js would give the program that it has kept to a later patch, with the uniforms of this one.
+    material.dispose();
   };
 }
