@@ -43,11 +43,12 @@ export class Model {
   }
 }
 
-/** Red discs on sand. */
+/** Red discs on sand, which are round on the sheet. */
 export function picture(size = 128) {
   const png = new PNG({ width: size, height: size });
   for (let k = 0; k < size * size; k++) {
-    const [x, y] = [k % size, Math.floor(k / size)].map((at) => (at % (size / 4)) - size / 8 + 0.5);
+    // The sheet is twice as long as wide.
+    const [x, y] = [2 * k, Math.floor(k / size)].map((at) => (at % (size / 4)) - size / 8 + 0.5);
     png.data.set(Math.hypot(x, y) < size / 13 ? [190, 30, 30, 255] : [225, 200, 150, 255], 4 * k);
   }
   return PNG.sync.write(png);
@@ -107,4 +108,38 @@ export function sheet({ moves = "skin", image, change = (given) => given, encode
     model.add("animations", { name: "stretch", samplers: [sampler], channels: [{ sampler: 0, target: { node: 2, path: "translation" } }] });
   }
   return model;
+}
+
+/** EXT_meshopt_compression of an accessor's bytes: its plainest form, all differences as they are. */
+export function meshopt(bytes, stride) {
+  const count = bytes.length / stride;
+  const most = Math.min(256, (8192 / stride) & ~15);
+  const out = [0xa0];
+  for (let first = 0; first < count; first += most) {
+    const vertices = Math.min(most, count - first);
+    const groups = Math.ceil(vertices / 16);
+    for (let k = 0; k < stride; k++) {
+      out.push(...Array(Math.ceil(groups / 4)).fill(0xff));
+      for (let v = first; v < first + 16 * groups; v++) {
+        const step = v < first + vertices ? bytes[v * stride + k] - bytes[Math.max(v - 1, 0) * stride + k] : 0;
+        const signed = (step << 24) >> 24;
+        out.push(((signed >> 7) ^ (signed << 1)) & 0xff);
+      }
+    }
+  }
+  return Buffer.from([...out, ...Array(Math.max(32 - stride, 0)).fill(0), ...bytes.subarray(0, stride)]);
+}
+
+/** A mesh as Draco has it, in its plainest form: sequential, nothing compressed. `attributes` have a type (0 positions, 1
+ * normals, 3 UVs, 4 others), an array and numbers per vertex. */
+export function draco(index, attributes) {
+  const varint = (n) => (n < 128 ? [n] : [(n & 127) | 128, ...varint(n >> 7)]);
+  const kinds = { Uint8Array: 2, Float32Array: 9 };
+  const [, [first, size]] = attributes[0];
+  return Buffer.concat([
+    Buffer.from("DRACO"), Buffer.from([2, 2, 1, 0, 0, 0, ...varint(index.length / 3), ...varint(first.length / size), 1]),
+    bytesOf(index), Buffer.from([1, ...varint(attributes.length)]),
+    ...attributes.map(([type, [array, size]], id) => Buffer.from([type, kinds[array.constructor.name], size, 0, id])),
+    Buffer.from(attributes.map(() => 0)), ...attributes.map(([, [array]]) => bytesOf(array)),
+  ]);
 }

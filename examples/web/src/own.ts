@@ -49,6 +49,10 @@ export async function openFiles(files: Named[]): Promise<Own> {
         worker: new Worker("worker.js", { type: "module" }), wasm: new URL("vrtm_bg.wasm", location.href).href,
         log: ({ level, message }) => void (level === "warning" && open.parts.length === 0 && notes.push(message)),
       });
+      if (!redirected.source.pose().every(Number.isFinite)) {
+        redirected.dispose();
+        throw new Error("its skin names bones that it does not have");
+      }
       return { meshes, source: redirected.source, redirected, rigidity, size: sizes[k], texture: unwrapped(texture, sizes[k]) };
     });
     for (const { status, ...result } of await Promise.allSettled(made)) {
@@ -120,7 +124,7 @@ interface Group {
   map: Texture;
 }
 
-/** Meshes that share a texture, those with the most triangles first. What has none, or no UVs, is drawn as it is. */
+/** Meshes that share a texture and a skin, those with the most triangles first. What has none, or no UVs, is drawn as it is. */
 function group(root: Object3D, notes: string[]): Group[] {
   const all: Mesh[] = [];
   root?.traverse((object) => isMesh(object) && all.push(object));
@@ -138,11 +142,16 @@ function group(root: Object3D, notes: string[]): Group[] {
   }
   const groups = new Map<string, Group>();
   const bare: Mesh[] = [];
+  const keys = new Map<Material, string>();
   for (const mesh of all) {
     const map = mapOf(mesh);
     if (map && hasArea(mesh, map.channel)) {
-      const key = `${map.source.uuid} ${map.channel}`;
+      // Characters that share textures move apart, and have maps of their own.
+      const key = [map.source.uuid, map.channel, ...((mesh as SkinnedMesh).skeleton?.bones.map(({ id }) => id) ?? [])].join();
       groups.set(key, { map, meshes: [...(groups.get(key)?.meshes ?? []), mesh] });
+      const own = materials(mesh).map((material) => ((keys.get(material) ?? key) === key ? material : material.clone()));
+      own.forEach((material) => keys.set(material, key));
+      mesh.material = Array.isArray(mesh.material) ? own : own[0];
     } else if (map) {
       bare.push(mesh);
     }
