@@ -10,10 +10,10 @@ export interface Named {
 }
 
 /** What a device bears: bytes of files, vertices, texels of all textures, parts (each has a worker with some 50 MB), texels
- * of a rigidity and a map along each side, and cells of the grid (0 = as many as features need). */
+ * of a rigidity and a map along each side, and cells of the grid. */
 const LIMITS = {
-  desk: { bytes: 400e6, vertices: 500_000, texels: 2 ** 27, parts: 8, size: 1024, map: 512, grid: 0 },
-  phone: { bytes: 100e6, vertices: 150_000, texels: 2 ** 25, parts: 3, size: 512, map: 256, grid: 192 },
+  desk: { bytes: 400e6, vertices: 500_000, texels: 2 ** 27, parts: 8, size: 1024, map: 512, grid: 512 },
+  phone: { bytes: 100e6, vertices: 150_000, texels: 2 ** 25, parts: 3, size: 512, map: 256, grid: 256 },
 };
 
 /** Browsers that do not tell their memory are taken for a phone if they have a finger for a pointer. */

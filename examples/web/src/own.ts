@@ -5,6 +5,7 @@ import {
 } from "three";
 import { redirect } from "vrtm/three";
 import { count, limits, list, load, type Named } from "./files.js";
+import { layers } from "./layers.js";
 import type { Open, Part } from "./state.js";
 
 export interface Own extends Open {
@@ -36,7 +37,7 @@ export async function openFiles(files: Named[]): Promise<Own> {
       throw new Error(`Its textures have ${count(Math.ceil(all / 1e6), "million texels")}: this device opens up to ${count(Math.floor(texels / 1e6), "million")}.`);
     }
     if (groups.length > most) {
-      notes.push(`${groups.length - most} of its ${groups.length} sets of textures are drawn as they are: this device redirects ${most}.`);
+      notes.push(`${groups.length - most} of its ${groups.length} parts are drawn as they are: this device redirects ${most}.`);
     }
     const sizes = groups.map(({ map: { image } }) => {
       const { width, height } = image as ImageBitmap;
@@ -47,12 +48,17 @@ export async function openFiles(files: Named[]): Promise<Own> {
       const redirected = await redirect(meshes, {
         rigidity, size: sizes[k], mapSize: Math.min(map, sizes[k]), grid, uv: texture.channel,
         worker: new Worker("worker.js", { type: "module" }), wasm: new URL("vrtm_bg.wasm", location.href).href,
-        log: ({ level, message }) => void (level === "warning" && open.parts.length === 0 && notes.push(message)),
+        log: ({ code, values: [share] }) => {
+          if (code === "Overlap" && share > 0.05 && open.parts.length === 0) {
+            notes.push(`${Math.round(100 * share)} % of a texture are used more than twice: there it stays as it is.`);
+          }
+        },
       });
       if (!redirected.source.pose().every(Number.isFinite)) {
         redirected.dispose();
         throw new Error("its skin names bones that it does not have");
       }
+      await redirected.update("draft");
       return { meshes, source: redirected.source, redirected, rigidity, size: sizes[k], texture: unwrapped(texture, sizes[k]) };
     });
     for (const { status, ...result } of await Promise.allSettled(made)) {
@@ -75,7 +81,7 @@ export async function openFiles(files: Named[]): Promise<Own> {
         ? "Its meshes move as wholes: nothing deforms, so nothing has to be redirected."
         : "It has no animation and no morph targets: it does not move, and nothing has to be redirected.");
     }
-    notes.push(`For this device: maps of ${map} × ${map}, ${grid ? `a grid of ${grid} × ${grid}` : "as fine a grid as what is rigid needs"}.`);
+    notes.push(`For this device: maps of ${map} × ${map} texels, grids of ${grid} × ${grid} cells.`);
     return open;
   } catch (error) {
     dispose(open);
@@ -128,6 +134,7 @@ interface Group {
 function group(root: Object3D, notes: string[]): Group[] {
   const all: Mesh[] = [];
   root?.traverse((object) => isMesh(object) && all.push(object));
+  all.forEach(mend);
   if (all.length === 0) {
     throw new Error("It has no mesh: points, lines, cameras and lights have no surface to paint on.");
   }
@@ -142,16 +149,13 @@ function group(root: Object3D, notes: string[]): Group[] {
   }
   const groups = new Map<string, Group>();
   const bare: Mesh[] = [];
-  const keys = new Map<Material, string>();
   for (const mesh of all) {
     const map = mapOf(mesh);
     if (map && hasArea(mesh, map.channel)) {
       // Characters that share textures move apart, and have maps of their own.
-      const key = [map.source.uuid, map.channel, ...((mesh as SkinnedMesh).skeleton?.bones.map(({ id }) => id) ?? [])].join();
+      const bones = (mesh as SkinnedMesh).skeleton?.bones.map(({ id }) => id) ?? [];
+      const key = [map.source.uuid, map.channel, ...bones].join();
       groups.set(key, { map, meshes: [...(groups.get(key)?.meshes ?? []), mesh] });
-      const own = materials(mesh).map((material) => ((keys.get(material) ?? key) === key ? material : material.clone()));
-      own.forEach((material) => keys.set(material, key));
-      mesh.material = Array.isArray(mesh.material) ? own : own[0];
     } else if (map) {
       bare.push(mesh);
     }
@@ -163,7 +167,26 @@ function group(root: Object3D, notes: string[]): Group[] {
     notes.push(`${bare.length} of its ${all.length} meshes have no UVs: they are drawn as they are.`);
   }
   const triangles = ({ meshes }: Group) => meshes.reduce((sum, { geometry }) => sum + (geometry.index ?? geometry.attributes.position).count, 0);
-  return [...groups.values()].sort((a, b) => triangles(b) - triangles(a));
+  const apart = [...groups.values()].flatMap(({ meshes, map }) => layers(meshes, map.channel).map((meshes) => ({ meshes, map })));
+  // A material looks up one map.
+  const owners = new Map<Material, Group>();
+  for (const group of apart) {
+    for (const mesh of group.meshes) {
+      const own = materials(mesh).map((material) => ((owners.get(material) ?? group) === group ? material : material.clone()));
+      own.forEach((material) => owners.set(material, group));
+      mesh.material = Array.isArray(mesh.material) ? own : own[0];
+    }
+  }
+  return apart.sort((a, b) => triangles(b) - triangles(a));
+}
+
+/** Some exporters write skin weights that are no numbers: such vertices follow their first bone. */
+function mend({ geometry: { attributes: { skinWeight } } }: Mesh): void {
+  for (let k = 0; k < (skinWeight?.count ?? 0); k++) {
+    if (!Number.isFinite(skinWeight.getX(k) + skinWeight.getY(k) + skinWeight.getZ(k) + skinWeight.getW(k))) {
+      skinWeight.setXYZW(k, 1, 0, 0, 0);
+    }
+  }
 }
 
 /** The UVs of a mesh are there, and not all on one line. */
