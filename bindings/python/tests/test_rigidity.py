@@ -1,12 +1,13 @@
 """Rigidity out of pictures: against plain loops, on pictures of which it is known what is in them, and the command."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bake_scenes import files, image, pixels
-from conftest import centres
+from conftest import REPOSITORY, centres
 from vrtm import cli, rigidity
 
 
@@ -123,6 +124,29 @@ def test_detail_is_where_a_tile_is_drawn_on() -> None:
     assert {tuple(values.shape) for values in found.values()} == {(512, 512)}
     assert found[1001].max() == np.float32(0.49) and found[1002].max() == 0
     assert found[1001][rigidity.grown(studs, 8) > 0].max() == 0
+
+
+def test_rust_has_the_same_definitions() -> None:
+    """`crates/paint`, whose tests read these maps, too."""
+
+    def picture(width: int, height: int, value: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+        rows, columns, channels = np.mgrid[0:height, 0:width, 0:4]
+        noise = (3 * columns**2 + 5 * columns * rows + 7 * rows**2 + 11 * channels) % 23
+        return (value(noise, columns) / 255).astype(np.float32)
+
+    small = picture(12, 9, lambda noise, _: 15 + 10 * noise)
+    wide = picture(2100, 6, lambda noise, columns: 100 + noise * columns // 1000)
+    features = ((np.arange(2100) // 50 == 30) * np.ones((6, 1))).astype(np.float32)
+    height = rigidity.brightness(small)
+    found = {
+        "brightness": rigidity.of_brightness({0: small})[0],
+        "colour": rigidity.of_colour({0: small}, (0.5, 0.3, 0.6), 0.4)[0],
+        "fitted": rigidity.fitted(rigidity.smaller(rigidity.soft(height > 0.5), 7), (5, 7)),
+        "detail": rigidity.of_detail({0: wide})[0][::2, ::50],
+        "outside": rigidity.of_detail({0: wide}, {0: features}, ceiling=1)[0][::2, ::50],
+    }
+    lines = [f"{name} {np.rint(255 * values).astype(np.uint8).tobytes().hex()}\n" for name, values in found.items()]
+    assert (REPOSITORY / "crates/paint/src/agreed.txt").read_text() == "".join(lines)
 
 
 @pytest.fixture
