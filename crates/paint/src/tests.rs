@@ -1,4 +1,4 @@
-use crate::{Picture, cover, fitted, of_brightness, of_colour, of_detail, otsu};
+use crate::{Picture, cover, disc, fill, fitted, of_brightness, of_colour, of_detail, otsu};
 
 /// The picture of `test_rigidity.py`, whose bytes `value` makes of noise and the column.
 fn picture([width, height]: [usize; 2], value: impl Fn(usize, usize) -> usize) -> Vec<u8> {
@@ -65,4 +65,79 @@ fn without_features_nothing_is_held_and_bytes_have_a_size() {
 fn a_brush_fades_out_over_its_soft_part() {
     assert_eq!([0.0, 0.49, 0.75, 1.0, 2.0].map(|distance| cover(distance, 0.5)), [1.0, 1.0, 0.5, 0.0, 0.0]);
     assert_eq!([0.99, 1.01].map(|distance| cover(distance, 0.0)), [1.0, 0.0]);
+}
+
+/// Two sheets of squares from 0 to 1, the second closely over the first. Two charts are half as wide each, with a gap
+/// of 0.2 between them.
+struct Sheets {
+    positions: Vec<[f32; 3]>,
+    triangles: Vec<([u32; 3], [[f32; 2]; 3])>,
+    around: Vec<Vec<u32>>,
+}
+
+const SIDE: u32 = 8;
+const SIZE: [usize; 2] = [80, 64];
+
+impl Sheets {
+    fn new() -> Sheets {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let part = |k: u32| k as f32 / SIDE as f32;
+        for sheet in 0..2 {
+            let vertex = |x, y| (sheet * (SIDE + 1) + y) * (SIDE + 1) + x;
+            for (x, y) in (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| (x, y))) {
+                positions.push([part(x), part(y), 1e-4 * sheet as f32]);
+                if x < SIDE && y < SIDE {
+                    let gap = if x < SIDE / 2 { 0.0 } else { 0.2 };
+                    let corner = |(i, j): (u32, u32)| (vertex(i, j), [0.8 * part(i) + gap, part(j)]);
+                    let corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)].map(corner);
+                    for k in [[0, 1, 2], [0, 2, 3]] {
+                        triangles.push((k.map(|k| corners[k].0), k.map(|k| corners[k].1)));
+                    }
+                }
+            }
+        }
+        let at = |v| (0..triangles.len() as u32).filter(|&k| triangles[k as usize].0.contains(&v)).collect();
+        let around = (0..positions.len() as u32).map(at).collect();
+        Sheets { positions, triangles, around }
+    }
+
+    /// The distance at each texel under a brush of this radius at (0.5, 0.5); over 1 beyond it.
+    fn dabbed(&self, radius: f32, grid: [usize; 2], delta: [f32; 2]) -> Vec<f32> {
+        let ball = ([0.5, 0.5, 0.0], radius);
+        let first = self.around[(SIDE / 2 * (SIDE + 2)) as usize][0] as usize;
+        let vertices = |k: usize| self.triangles[k].0;
+        let under = disc(first, ball, &self.positions, vertices, |v| &self.around[v as usize]);
+        assert!(under.iter().all(|&k| k < self.triangles.len() / 2), "the other sheet");
+        let mut all = vec![9.0f32; SIZE[0] * SIZE[1]];
+        for k in under {
+            let corners = vertices(k).map(|v| self.positions[v as usize]);
+            fill((corners, self.triangles[k].1), ball, SIZE, (grid, |_, _| delta), |texel, away| {
+                all[texel] = all[texel].min(away);
+            });
+        }
+        all
+    }
+}
+
+#[test]
+fn a_dab_is_round_on_the_surface_across_seams_and_through_a_redirection() {
+    let (sheets, radius) = (Sheets::new(), 0.2);
+    for (grid, shift) in [(SIZE, 0), ([32, 32], 0), ([40, 48], 10)] {
+        let all = sheets.dabbed(radius, grid, [0.0, shift as f32 / SIZE[1] as f32]);
+        let mut margin = 0;
+        for (k, away) in all.iter().enumerate() {
+            let u = ((k % 80) as f32 + 0.5) / 80.0;
+            // Up on the map where the redirection looks farther up.
+            let v = 1.0 - ((k / 80) as f32 + 0.5 + shift as f32) / 64.0;
+            let x = if u < 0.5 { (u / 0.8).min(0.5) } else { ((u - 0.2) / 0.8).max(0.5) };
+            let expected = (x - 0.5).hypot(v - 0.5) / radius;
+            if (0.4..0.6).contains(&u) {
+                margin += usize::from(*away < 1.0);
+            } else if expected < 0.99 || *away < 1.0 {
+                assert!((away - expected).abs() < 0.02, "{k} {grid:?}: {away}, not {expected}");
+            }
+        }
+        // Two texels beside both charts, over nearly the diameter: the redirection's grid is coarser than the map.
+        assert!((80..=104).contains(&margin), "{margin}");
+    }
 }
