@@ -75,6 +75,20 @@ impl Array {
         Ok(self.bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 
+    fn bytes_of(&self, format: PixelFormat, kind: &str) -> Result<&[u8]> {
+        let wrong = || self.error(&format!("a {kind} is expected"));
+        if self.format == Some(format) { Ok(&self.bytes) } else { Err(wrong()) }
+    }
+
+    pub fn u8s(&self) -> Result<&[u8]> {
+        self.bytes_of(PixelFormat::U8, "Uint8Array")
+    }
+
+    /// The bytes of half floats.
+    pub fn halves(&self) -> Result<&[u8]> {
+        self.bytes_of(PixelFormat::U16, "Uint16Array")
+    }
+
     /// An image of one channel, first row at v = 1.
     pub fn image(&self, [width, height]: [u32; 2]) -> Result<ImageView<'_>> {
         let wrong = || self.error("a Uint8Array, a Uint16Array or a Float32Array is expected");

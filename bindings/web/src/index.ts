@@ -4,9 +4,12 @@
  * WebAssembly, on the thread that calls: pages use `WorkerAsset` of "vrtm/worker", which has the same methods.
  */
 import { AssetMethods, VrtmError, tell } from "./methods.js";
-import init, { Asset as Module } from "./wasm/vrtm.js";
+import { guarded } from "./module.js";
+import { Asset as Module } from "./wasm/vrtm.js";
 
 export { Carrier, AssetMethods, VrtmError, type Code } from "./methods.js";
+export { load } from "./module.js";
+export { Surface, rigidity, type Dab, type Picture, type SurfaceHit } from "./paint.js";
 
 /** Positions or UVs, one after the other. */
 export type Numbers = Float32Array | Float64Array;
@@ -245,52 +248,6 @@ export interface Report {
   milliseconds: number;
   /** `null` unless it was measured. */
   strain: Measured | null;
-}
-
-let loading: Promise<unknown> | undefined;
-let loaded = false;
-let ended: VrtmError | undefined;
-
-/** Loads the WebAssembly, once; without an argument the file beside this one. */
-export async function load(wasm?: URL | string | BufferSource | Response | Promise<Response>): Promise<void> {
-  loading ??= start(wasm).catch((error) => {
-    loading = undefined;
-    throw new VrtmError("NotLoaded", `the WebAssembly cannot be loaded: ${(error as Error).message}`);
-  });
-  await loading;
-  loaded = true;
-}
-
-async function start(wasm?: URL | string | BufferSource | Response | Promise<Response>): Promise<unknown> {
-  const file = wasm ?? new URL("./wasm/vrtm_bg.wasm", import.meta.url);
-  // Node fetches no files. Bundlers for browsers must not look for its module.
-  if (file instanceof URL && file.protocol === "file:") {
-    const module = "node:fs/promises";
-    const { readFile } = (await import(/* @vite-ignore */ module)) as typeof import("node:fs/promises");
-    return init({ module_or_path: await readFile(file) });
-  }
-  return init({ module_or_path: file });
-}
-
-/** Calls the module, which throws its errors as an array of code and message. Anything else has ended it: WebAssembly
- * does not unwind, and what the call held is held for ever. */
-function guarded<T>(call: () => T): T {
-  if (ended) {
-    throw ended;
-  }
-  if (!loaded) {
-    throw new VrtmError("NotLoaded", "the WebAssembly is not loaded yet: load() comes first");
-  }
-  try {
-    return call();
-  } catch (thrown) {
-    if (Array.isArray(thrown)) {
-      throw new VrtmError(thrown[0], thrown[1]);
-    }
-    const why = `the WebAssembly has ended, by a defect or because memory ran short (${(thrown as Error).message})`;
-    ended = new VrtmError("Internal", `${why}: use another worker, or load the page again`);
-    throw ended;
-  }
 }
 
 /** A mesh with its tiles, their maps, carriers and results. */

@@ -6,6 +6,7 @@
 mod arrays;
 mod objects;
 mod outputs;
+mod paint;
 
 use arrays::Array;
 use js_sys::{Float32Array, Function, Object};

@@ -17,6 +17,29 @@ pub fn cover(distance: f32, softness: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+/// The triangle that a ray hits first, and the place there with the weights of its corners. `corners` tells those of each
+/// triangle.
+pub fn hit(
+    (from, way): (Point, Point),
+    triangles: usize,
+    corners: impl Fn(usize) -> [Point; 3],
+) -> Option<(usize, [f32; 3])> {
+    let mut best = None;
+    let mut nearest = f32::INFINITY;
+    for triangle in 0..triangles {
+        let [a, b, c] = corners(triangle);
+        let [e, f, to] = [minus(b, a), minus(c, a), minus(from, a)];
+        let (p, q) = (cross(way, f), cross(to, e));
+        let det = dot(e, p);
+        let [v, w, along] = [dot(to, p) / det, dot(way, q) / det, dot(f, q) / det];
+        if v >= 0.0 && w >= 0.0 && v + w <= 1.0 && along > 0.0 && along < nearest {
+            nearest = along;
+            best = Some((triangle, [1.0 - v - w, v, w]));
+        }
+    }
+    best
+}
+
 /// The triangles within `radius` of a point of triangle `first` that hang together with it: another part of the surface
 /// that is as near, such as the other side of a thin wall, does not belong to them. `vertices` has those of a triangle,
 /// `around` the triangles at a vertex.
@@ -167,7 +190,9 @@ fn closest(p: Point, [a, b, c]: [Point; 3]) -> [f32; 3] {
     edges.into_iter().min_by(|one, other| away(one).total_cmp(&away(other))).unwrap_or([1.0, 0.0, 0.0])
 }
 
-fn mixed<const N: usize>(of: [[f32; N]; 3], w: [f32; 3]) -> [f32; N] {
+/// What lies between three corners, by their weights.
+#[must_use]
+pub fn mixed<const N: usize>(of: [[f32; N]; 3], w: [f32; 3]) -> [f32; N] {
     from_fn(|c| (0..3).map(|k| w[k] * of[k][c]).sum())
 }
 

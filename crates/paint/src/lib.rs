@@ -14,7 +14,7 @@ mod brush;
 #[cfg(test)]
 mod tests;
 
-pub use brush::{cover, disc, fill};
+pub use brush::{cover, disc, fill, hit, mixed};
 pub use detail::of_detail;
 pub use picture::{Picture, of_brightness, of_colour, otsu};
 pub use plane::fitted;

@@ -1,4 +1,4 @@
-use crate::{Picture, cover, disc, fill, fitted, of_brightness, of_colour, of_detail, otsu};
+use crate::{Picture, cover, disc, fill, fitted, hit, mixed, of_brightness, of_colour, of_detail, otsu};
 
 /// The picture of `test_rigidity.py`, whose bytes `value` makes of noise and the column.
 fn picture([width, height]: [usize; 2], value: impl Fn(usize, usize) -> usize) -> Vec<u8> {
@@ -116,6 +116,19 @@ impl Sheets {
             });
         }
         all
+    }
+}
+
+#[test]
+fn a_ray_hits_the_sheet_that_comes_first() {
+    let Sheets { positions, triangles, .. } = Sheets::new();
+    let corners = |k: usize| triangles[k].0.map(|v| positions[v as usize]);
+    for (height, sheet) in [(1.0, 1), (-1.0, 0)] {
+        let (at, w) = hit(([0.3, 0.65, height], [0.0, 0.05, -height]), triangles.len(), corners).unwrap();
+        assert_eq!(at / (triangles.len() / 2), sheet);
+        let place = mixed(corners(at), w);
+        assert!((place[0] - 0.3).abs() < 1e-6 && (place[1] - 0.7).abs() < 1e-4, "{place:?}");
+        assert_eq!(hit(([0.3, 0.65, height], [0.0, 0.0, height]), triangles.len(), corners), None);
     }
 }
 
