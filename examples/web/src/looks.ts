@@ -13,13 +13,15 @@ export type Look = (typeof LOOKS)[number];
 export const shared = {
   look: { value: 0 },
   lines: { value: 0 },
+  /** What is rigid over a picture, 0..1. */
+  overlay: { value: 0 },
   rings: { value: Array.from({ length: 6 }, () => new Vector4(0, 0, 0, 0)) },
   brush: { value: new Vector4(0, 0, 0, 0) },
 };
 
 const DECLARATIONS = /* glsl */ `
   uniform sampler2D rigidityMap, restMetric;
-  uniform float look, lines;
+  uniform float look, lines, overlay;
   uniform vec4 rings[6], brush;
 
   // Largest and smallest change of length: eigenvalues of the metric in the pose relative to that at rest, by painted UV.
@@ -48,7 +50,11 @@ const DECLARATIONS = /* glsl */ `
 const COLOUR = /* glsl */ `
   vec3 seenAt = -vViewPosition;
   float rigidHere = texture2D(rigidityMap, vrtmUv).r;
-  if (look == 1.0) {
+  if (look == 0.0) {
+    // Stripes, which show on paint of any colour.
+    float stripe = 0.45 + 0.4 * smoothstep(0.3, 0.5, abs(fract((gl_FragCoord.x + gl_FragCoord.y) / 9.0) - 0.5));
+    diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.93, 0.05, 0.30), overlay * rigidHere * stripe);
+  } else if (look == 1.0) {
     diffuseColor = vec4(mix(vec3(0.30, 0.36, 0.42), vec3(0.93, 0.35, 0.07), rigidHere), 1.0);
   } else if (look == 2.0) {
     vec2 s = strainAt(vrtmUv, vrtmGrad, dFdx(seenAt), dFdy(seenAt));

@@ -5,6 +5,7 @@ import { read, restroke, strokes, write, type Kept } from "./link.js";
 import { LOOKS, shared, type Look } from "./looks.js";
 import { missing } from "./missing.js";
 import { dispose, openFiles, play as playClip } from "./own.js";
+import { mount as mountPaint } from "./paint.js";
 import { ring } from "./rings.js";
 import { SCENES, type Scene } from "./scenes.js";
 import { Stage } from "./stage.js";
@@ -23,6 +24,7 @@ interface Shown extends Scene {
 }
 let open: Shown | undefined;
 let stage: Stage;
+let brush: ReturnType<typeof mountPaint>;
 let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** Seconds: of the newest pose, and of the pose that is shown. */
 let [time, shownTime] = [0, 0];
@@ -220,7 +222,7 @@ function pointers(): void {
     return (clientX - left) / width;
   };
   canvas.addEventListener("pointermove", (event) => {
-    if (event.buttons === 0 && event.pointerType === "mouse" && stage.controls.enabled) {
+    if (event.buttons === 0 && event.pointerType === "mouse" && !brush.isOn()) {
       wipeTo(share(event));
     }
   });
@@ -318,6 +320,7 @@ function start(): void {
     play(true);
   });
   addEventListener("pointerdown", () => message.classList.contains("error") && say(""));
+  brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause: () => playing && play(false), say });
   pointers();
   keys();
   choose("look", kept.look);

@@ -1,7 +1,7 @@
 /** The picture: camera, light, one pane with a wipe or two, rings, and what the pointer is over. */
 import {
   BackSide, Box3, BoxGeometry, DirectionalLight, Mesh, MeshBasicMaterial, NeutralToneMapping, PMREMGenerator, PerspectiveCamera,
-  Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Intersection, type Object3D,
+  Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Object3D, type Ray,
   type Texture,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -9,13 +9,11 @@ import { dress, shared } from "./looks.js";
 import type { Ring } from "./scenes.js";
 import type { Part } from "./state.js";
 
-/** The place under a pointer. */
-export interface Hit {
-  part: Part;
-  /** UV of the mesh, and of the paint that is seen there. */
-  uv: Vector2;
-  painted: Vector2;
-  point: Vector3;
+/** What is seen under a pointer. */
+export interface Sight {
+  ray: Ray;
+  redirected: boolean;
+  pixel: number;
 }
 
 /** Surfaces that are bright on one side: reflections tell a shape better than lights do. */
@@ -52,6 +50,7 @@ export class Stage {
   #parts: Part[] = [];
   #dressed = new Map<Part, ReturnType<typeof dress>>();
   #away = 1;
+  #caster = new Raycaster();
   #wanted = false;
   #environment: Texture | undefined;
 
@@ -143,8 +142,8 @@ export class Stage {
     }
   }
 
-  /** The place of the surface under a pointer. */
-  pick({ clientX, clientY }: { clientX: number; clientY: number }): Hit | null {
+  /** The ray under a pointer, and the size of a pixel at a distance of 1 in front of the camera. */
+  ray({ clientX, clientY }: { clientX: number; clientY: number }): Sight | null {
     const box = this.canvas.getBoundingClientRect();
     const [x, y] = [clientX - box.left, clientY - box.top];
     const panes = this.#panes();
@@ -154,21 +153,11 @@ export class Stage {
     }
     const [left, top, width, height] = panes[k];
     this.#aim(width / height);
-    const ray = new Raycaster();
-    ray.setFromCamera(new Vector2((2 * (x - left)) / width - 1, 1 - (2 * (y - top)) / height), this.camera);
+    this.camera.updateMatrixWorld();
+    const { ray } = this.#caster;
+    this.#caster.setFromCamera(new Vector2((2 * (x - left)) / width - 1, 1 - (2 * (y - top)) / height), this.camera);
     const redirected = this.solved && (panes.length > 1 ? k === 1 : x >= this.wipe * box.width);
-    let found: { part: Part; hit: Intersection } | undefined;
-    for (const part of this.#parts) {
-      const [hit] = ray.intersectObjects(part.meshes, false);
-      if (hit?.uv && !(found && found.hit.distance < hit.distance)) {
-        found = { part, hit };
-      }
-    }
-    if (!found) {
-      return null;
-    }
-    const uv = found.hit.uv!;
-    return { part: found.part, uv, painted: redirected ? found.part.redirected.uvAt(uv) : uv, point: found.hit.point };
+    return { ray, redirected, pixel: (2 * Math.tan((this.camera.fov * Math.PI) / 360)) / this.camera.zoom / height };
   }
 
   /** Left, top, width and height of the pictures: on a screen that is higher than wide, one over the other. */
