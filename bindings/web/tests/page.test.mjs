@@ -6,6 +6,7 @@ import { fileURLToPath } from "node:url";
 import { PNG } from "pngjs";
 import { launch, serve, skip } from "./browser.mjs";
 import { strainOf } from "./strain.mjs";
+import { animate } from "./webp.mjs";
 
 let browser, served;
 before(async () => {
@@ -208,19 +209,31 @@ test("a link keeps what is seen and painted", { skip, timeout }, async () => {
   await page.waitForFunction(() => location.hash.includes("paint"));
   const hash = await page.evaluate(() => location.hash);
   assert.ok(hash.length < 2000, `${hash.length} characters`);
-  const [numbers, rigid] = [await text(page, "#numbers"), await page.evaluate(() => [...character.parts[0].rigidity])];
+  const [seen, numbers] = [await picture(page), await text(page, "#numbers")];
+  const rigid = await page.evaluate(() => [...character.parts[0].rigidity]);
   const again = await opened(WIDE, { hash, ready: "body[data-state=still][data-solved=normal]" });
-  assert.ok(difference(await picture(page), await picture(again)) < 0.01);
+  assert.ok(difference(seen, await picture(again)) < 0.01);
   const restored = await again.evaluate(() => [...character.parts[0].rigidity]);
   const off = rigid.filter((value, k) => Math.abs(value - restored[k]) > 17).length;
   assert.ok(off < 0.001 * rigid.length, `${off} texels of paint differ`);
   const percents = (words) => words.match(/[\d.]+(?= %)/g).map(Number);
   const found = percents(await text(again, "#numbers"));
   percents(numbers).forEach((percent, k) => assert.ok(Math.abs(percent - found[k]) < 1, `${percent} and ${found[k]} %`));
+  // A tab that is not seen neither plays nor solves.
+  await again.click("#play");
+  const odd = await browser.newPage();
+  await odd.bringToFront();
+  await again.waitForFunction(() => document.hidden, { polling: 50 });
+  const time = () => again.$eval("#time", ({ value }) => value);
+  const stopped = await time();
+  await odd.goto(served.url);
+  await odd.waitForSelector("body[data-solved]");
+  assert.equal(await time(), stopped);
+  await odd.close();
   // Nonsense opens the page as without it.
-  const odd = await opened(PHONE, { hash: "#scene=none&time=x&view=1,2&paint=%00*&wipe=9&look=odd" });
-  assert.deepEqual([...page.problems, ...again.problems, ...odd.problems], []);
-  await Promise.all([page, again, odd].map((page) => page.close()));
+  const nonsense = await opened(PHONE, { hash: "#scene=none&time=x&view=1,2&paint=%00*&wipe=9&look=odd" });
+  assert.deepEqual([...page.problems, ...again.problems, ...nonsense.problems], []);
+  await Promise.all([page, again, nonsense].map((page) => page.close()));
 });
 
 test("it fits a phone, turns with a finger, and follows the window", { skip, timeout }, async () => {
@@ -273,3 +286,26 @@ for (const [what, words, take] of [
     await page.close();
   });
 }
+
+const pictures = process.env.VRTM_PICTURES ? skip : "VRTM_PICTURES=1 makes docs/images/web.png and web.webp again";
+test("its pictures in the documentation", { skip: pictures, timeout }, async () => {
+  const page = await opened({ width: 1080, height: 675 });
+  const write = (name, bytes, most) => {
+    assert.ok(bytes.length <= most, `${name} has ${bytes.length} bytes`);
+    writeFileSync(new URL(`../../../docs/images/${name}`, import.meta.url), bytes);
+  };
+  await seek(page, 3);
+  await page.mouse.move(420, 400);
+  await picture(page);
+  write("web.png", await page.screenshot(), 200_000);
+  await page.setViewport({ width: 960, height: 600, deviceScaleFactor: 0.75 });
+  const frames = [];
+  for (let k = 0; k < 60; k++) {
+    await page.mouse.move(335 + 200 * Math.cos((2 * Math.PI * k) / 60), 400);
+    await seek(page, k / 10);
+    await picture(page);
+    frames.push(Buffer.from(await page.screenshot({ type: "webp", quality: 62 })));
+  }
+  write("web.webp", animate(frames, 100), 1_000_000);
+  await page.close();
+});

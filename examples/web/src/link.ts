@@ -21,8 +21,8 @@ export function strokes(now: Uint8Array, first: Uint8Array, size: number): strin
   const bytes: number[] = [];
   let [run, last] = [0, 0];
   const put = () => {
-    for (let left = run; left > 0; left -= 4096) {
-      const length = Math.min(left, 4096) - 1;
+    for (let left = run; left > 0; left -= 2048) {
+      const length = Math.min(left, 2048) - 1;
       bytes.push((last << 3) | (length & 7), length >> 3);
     }
   };

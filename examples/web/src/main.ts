@@ -130,6 +130,9 @@ async function solve(quality: "draft" | "normal"): Promise<void> {
   }
   shownTime = at;
   clip?.mixer.setTime(at);
+  if (quality === "normal" || updates > 4) {
+    stage.light();
+  }
   ring(part, now.rings, pose);
   stage.solved = true;
   if (!message.classList.contains("error")) {

@@ -12,7 +12,7 @@ import { openFiles, play, type Own } from "./own.js";
 /** Texels of the textures along each side. */
 const SIZE = 1024;
 /** Cells of the grids and texels of the maps along each side: scenes play smoothly with them. */
-const CELLS = limits().grid || 384;
+const CELLS = Math.min(limits().grid || 384, 384);
 /** Circles of the surface at rest that rings mark. */
 export interface Ring {
   uv: [number, number];

@@ -1,8 +1,8 @@
 /** The picture: camera, light, one pane with a wipe or two, rings, and what the pointer is over. */
 import {
-  BackSide, Box3, BoxGeometry, DirectionalLight, Mesh, MeshBasicMaterial, NeutralToneMapping, PMREMGenerator, PerspectiveCamera,
-  Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Object3D, type Ray,
-  type Texture,
+  BackSide, Box3, BoxGeometry, DirectionalLight, HemisphereLight, Mesh, MeshBasicMaterial, NeutralToneMapping,
+  PMREMGenerator, PerspectiveCamera, Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Object3D,
+  type Ray, type Texture,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { dress, shared } from "./looks.js";
@@ -53,6 +53,7 @@ export class Stage {
   #caster = new Raycaster();
   #wanted = false;
   #environment: Texture | undefined;
+  #sky = new HemisphereLight(0xf2f7fa, 0xb9c4c4, 2.9);
 
   constructor(readonly canvas: HTMLCanvasElement) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
@@ -60,24 +61,35 @@ export class Stage {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     const sun = new DirectionalLight(0xfff3e2, 1.7);
     sun.position.set(1.5, 4, 3);
-    this.scene.add(sun);
-    this.#light();
+    this.scene.add(sun, this.#sky);
+    // Reflections take software seconds to make: there the first pictures do without.
+    const context = this.renderer.getContext();
+    const info = context.getExtension("WEBGL_debug_renderer_info");
+    if (!info || !/swiftshader|llvmpipe|software/i.test(context.getParameter(info.UNMASKED_RENDERER_WEBGL))) {
+      this.light();
+    }
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enablePan = false;
     this.controls.addEventListener("change", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(canvas);
     canvas.addEventListener("webglcontextrestored", () => {
-      this.#light();
+      this.#environment?.dispose();
+      this.#environment = undefined;
+      this.light();
       this.#dressed.forEach(({ redraw }) => redraw());
       this.draw();
     });
   }
 
-  #light(): void {
-    this.#environment?.dispose();
-    const generator = new PMREMGenerator(this.renderer);
-    this.#environment = this.scene.environment = generator.fromScene(studio(), 0.03, 0.1, 100, { size: 64 }).texture;
-    generator.dispose();
+  /** Makes the reflections, unless they are there. */
+  light(): void {
+    if (!this.#environment) {
+      const generator = new PMREMGenerator(this.renderer);
+      this.#environment = this.scene.environment = generator.fromScene(studio(), 0.03).texture;
+      generator.dispose();
+      this.#sky.removeFromParent();
+      this.draw();
+    }
   }
 
   /** Shows another character, as it comes; `direction` is where the camera stands, as a share of its distance at first. */
