@@ -1,6 +1,7 @@
 /** The page: what is pressed and moved, and what follows of it. */
 import type { Object3D } from "three";
 import { mount as mountFiles, type Named } from "./files.js";
+import { hands } from "./hands.js";
 import { read, restroke, strokes, write, type Kept } from "./link.js";
 import { LOOKS, shared, type Look } from "./looks.js";
 import { missing } from "./missing.js";
@@ -24,7 +25,7 @@ interface Shown extends Scene {
 }
 let open: Shown | undefined;
 let stage: Stage;
-let brush: ReturnType<typeof mountPaint>;
+let hand: ReturnType<typeof hands>;
 let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** Seconds: of the newest pose, and of the pose that is shown. */
 let [time, shownTime] = [0, 0];
@@ -150,7 +151,7 @@ async function solve(quality: "draft" | "normal"): Promise<void> {
     Object.entries(shares).forEach(([name, share]) => (document.querySelector(name)!.textContent = `${percent(share)} stretched`));
     element<HTMLButtonElement>("worst").disabled = now.loop.worst() === null;
   }
-  layout();
+  hand.layout();
   stage.draw();
 }
 
@@ -159,8 +160,7 @@ const drawn = () => new Promise((resolve) => element("view").addEventListener("d
 /** Drafts while something moves, and a whole solve when it rests. */
 function moved(): void {
   clearTimeout(resting);
-  delete body.dataset.solved;
-  body.dataset.solved = "draft";
+  body.dataset.solved &&= "draft";
   resting = setTimeout(() => void solve("normal").catch(say), 160);
   solve("draft").catch(say);
 }
@@ -196,65 +196,10 @@ function seek(to: number): void {
   play(false);
 }
 
-function wipeTo(share: number): void {
-  stage.wipe = Math.min(0.97, Math.max(0.03, share));
-  layout();
-  stage.draw();
-}
-
-function layout(): void {
-  const { clientWidth: width, clientHeight: height } = stage.canvas;
-  const side = stage.compare === "side";
-  body.dataset.panes = side && body.dataset.solved ? (width >= height ? "beside" : "stacked") : "one";
-  const share = side ? 0.5 : stage.wipe;
-  element("stage").style.setProperty("--wipe", body.dataset.solved ? `${100 * share}%` : "100%");
-  element("wipe").setAttribute("aria-valuenow", (100 * share).toFixed(0));
-}
-
 function look(name: Look): void {
   shared.look.value = LOOKS.indexOf(name);
   element("legend").hidden = name !== "strain";
   stage.draw();
-}
-
-/** Where the pointer is moves the wipe; pressed, it turns the character. */
-function pointers(): void {
-  const { canvas } = stage;
-  const share = ({ clientX }: PointerEvent) => {
-    const { left, width } = canvas.getBoundingClientRect();
-    return (clientX - left) / width;
-  };
-  canvas.addEventListener("pointermove", (event) => {
-    if (event.buttons === 0 && event.pointerType === "mouse" && !brush.isOn()) {
-      wipeTo(share(event));
-    }
-  });
-  const handle = element("wipe");
-  handle.addEventListener("pointerdown", ({ pointerId }) => handle.setPointerCapture(pointerId));
-  handle.addEventListener("pointermove", (event) => {
-    if (event.buttons > 0 || event.pointerType === "mouse") {
-      wipeTo(share(event));
-    }
-  });
-}
-
-function keys(): void {
-  const arrow = ({ key }: KeyboardEvent) => [Number(key === "ArrowRight") - Number(key === "ArrowLeft"), Number(key === "ArrowUp") - Number(key === "ArrowDown")];
-  element("wipe").addEventListener("keydown", (event) => wipeTo(stage.wipe + 0.02 * arrow(event)[0]));
-  stage.canvas.addEventListener("keydown", (event) => {
-    const [x, y] = arrow(event);
-    stage.turn(0.1 * x, 0.1 * y);
-  });
-  addEventListener("keydown", (event) => {
-    const on = event.target as HTMLElement;
-    if (event.key === " " && !on.matches("button, select, summary, input:not([type=range])")) {
-      event.preventDefault();
-      play(!playing);
-    } else if (event.key.startsWith("Arrow") && on === body && open?.clip) {
-      const step = arrow(event)[0] / 24;
-      seek((time + step + open.clip.duration) % open.clip.duration);
-    }
-  });
 }
 
 async function copyLink(): Promise<void> {
@@ -289,7 +234,7 @@ function start(): void {
   each("look", (value) => look(value as Look));
   each("compare", (value) => {
     stage.compare = body.dataset.compare = value as "wipe" | "side";
-    layout();
+    hand.layout();
     stage.draw();
   });
   element("lines").addEventListener("change", ({ target }) => {
@@ -308,7 +253,6 @@ function start(): void {
     say("");
     moved();
   });
-  new ResizeObserver(layout).observe(stage.canvas);
   const scenes = element<HTMLSelectElement>("scene");
   scenes.append(...Object.entries(SCENES).map(([name, [title]]) => new Option(title, name, false, name === scene)));
   scenes.append(Object.assign(new Option("Your own", "own"), { disabled: true }));
@@ -323,15 +267,19 @@ function start(): void {
     play(true);
   });
   addEventListener("pointerdown", () => message.classList.contains("error") && say(""));
-  brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause: () => playing && play(false), say });
-  pointers();
-  keys();
+  const brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause: () => playing && play(false), say });
+  hand = hands(stage, {
+    isPainting: brush.isOn,
+    play: () => play(!playing),
+    step: (seconds) => open?.clip && seek((time + seconds + open.clip.duration) % open.clip.duration),
+  });
+  new ResizeObserver(hand.layout).observe(stage.canvas);
   choose("look", kept.look);
   choose("compare", kept.compare);
   if (kept.lines) {
     element("lines").click();
   }
-  stage.wipe = kept.wipe ?? 0.5;
+  hand.wipeTo(kept.wipe ?? 0.5);
   if (kept.time !== undefined) {
     play(false);
   }
