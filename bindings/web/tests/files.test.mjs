@@ -1,12 +1,13 @@
 // Files of visitors: odd ones that are made here, and public characters of the folder VRTM_GLTF.
 import assert from "node:assert/strict";
-import { cpSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 import { launch, serve, skip } from "./browser.mjs";
+import { strainOf } from "./strain.mjs";
 import { attributes, bytesOf, draco, meshopt, picture, sheet } from "./gltf.mjs";
 
 const here = fileURLToPath(new URL("..", import.meta.url));
@@ -44,6 +45,23 @@ async function opened(viewport) {
   await page.goto(served.url);
   await page.waitForFunction("globalThis.show");
   return page;
+}
+
+/** What strainOf() needs of each part of what is open, from the page. */
+async function measured(page) {
+  const texts = await page.evaluate(() => open.parts.map(({ source, redirected, rigidity, size }) => {
+    const { positions: rest, indices, uvs, uvIndices } = source.mesh;
+    const { delta, mapSize } = redirected;
+    const text = (array) => {
+      const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+      return [array.constructor.name, Array.from({ length: Math.ceil(bytes.length / 3e4) }, (_, k) =>
+        btoa(String.fromCharCode(...bytes.subarray(3e4 * k, 3e4 * (k + 1))))).join("")];
+    };
+    const arrays = { rest, pose: source.pose(), indices, uvs, uvIndices, rigidity, delta };
+    return { size, mapSize, ...Object.fromEntries(Object.entries(arrays).map(([name, array]) => [name, text(array)])) };
+  }));
+  const read = ([kind, text]) => new globalThis[kind](new Uint8Array(Buffer.from(text, "base64")).buffer);
+  return texts.map((part) => Object.fromEntries(Object.entries(part).map(([name, of]) => [name, Array.isArray(of) ? read(of) : of])));
 }
 
 /** Gives files to the page, as if they were chosen, and returns what it says. */
@@ -310,3 +328,47 @@ test("fifty files and a thousand poses leave nothing behind", { skip, timeout },
   }
   assert.deepEqual([states[0].workers, states[0].urls], [1, 0]);
 });
+
+/** Public characters: a colour that is rigid, a share of the clip, and the largest strain that is left in any part. */
+const PUBLIC = {
+  "CesiumMan.gltf": [[92, 138, 40], 0.5, 0.08],
+  "Fox.glb": [[255, 250, 240], 0.5, 0.06],
+  "Soldier.glb": [[60, 95, 105], 0.2, 0.03],
+  "Michelle.glb": [[90, 190, 205], 0.8, 0.02],
+  "Crab.glb": [[40, 90, 120], 0.5, 0.04],
+};
+for (const [width, height] of [[390, 844], [1280, 800]]) {
+  test(`public characters are painted by colour and play at ${width} x ${height}`, { skip, timeout }, async (t) => {
+    const page = skip || await opened({ width, height });
+    for (const [name, [colour, share, most]] of Object.entries(PUBLIC)) {
+      const path = join(process.env.VRTM_GLTF ?? "", name);
+      const absent = !existsSync(path) && `${name} is not in the folder VRTM_GLTF`;
+      await t.test(name, { skip: absent }, async () => {
+        await (await page.$("input")).uploadFile(path);
+        assert.equal((await said(page)).said, "open");
+        const reports = await page.evaluate(async (colour, share) => {
+          await paint(colour, 50);
+          // It plays: drafts follow the clip.
+          for (let k = 0; k < 5; k++) {
+            await pose(k / 5, "draft");
+            draw();
+          }
+          return (await pose(share)).map(({ strain }) => strain);
+        }, colour, share);
+        const own = (await measured(page)).map((part) => strainOf({ ...part, map: part.mapSize }));
+        for (const [strength, state] of [[0, "without"], [1, "with"]]) {
+          await page.evaluate((strength) => void draw(strength), strength);
+          if (process.env.VRTM_SHOTS) {
+            writeFileSync(join(process.env.VRTM_SHOTS, `${name}_${width}_${state}.png`), await page.screenshot());
+          }
+        }
+        reports.forEach(({ before, after }, k) => {
+          assert.ok(Math.abs(own[k].before - before.rms) < 0.25 * before.rms, JSON.stringify(own[k]));
+          assert.ok(Math.abs(own[k].after - after.rms) < 0.01, JSON.stringify(own[k]));
+          assert.ok(after.rms < most && after.rms < 0.75 * before.rms, `${before.rms} -> ${after.rms}`);
+        });
+      });
+    }
+    await page.close();
+  });
+}

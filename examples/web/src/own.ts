@@ -1,7 +1,7 @@
 /** The visitor's own character, from a glTF file. */
 import {
-  AnimationClip, AnimationMixer, DataTexture, NumberKeyframeTrack, RepeatWrapping, SRGBColorSpace, type Material, type Mesh,
-  type Object3D, type SkinnedMesh, type Texture,
+  AnimationClip, AnimationMixer, DataTexture, LinearFilter, LinearMipmapLinearFilter, NumberKeyframeTrack, RepeatWrapping,
+  SRGBColorSpace, type Material, type Mesh, type Object3D, type SkinnedMesh, type Texture,
 } from "three";
 import { redirect } from "vrtm/three";
 import { count, limits, list, load, type Named } from "./files.js";
@@ -209,11 +209,14 @@ function pattern(): Texture {
   const size = 512;
   const texels = Uint8Array.from({ length: 4 * size * size }, (_, k) => {
     const [x, y] = [(k >> 2) % size, (k >> 2) / size].map((t) => (Math.floor(t) % 32) - 15.5);
-    return k % 4 === 3 || Math.hypot(x, y) > 9 ? 225 : [40, 90, 120][k % 4];
+    const inside = Math.min(1, Math.max(0, 9.5 - Math.hypot(x, y)));
+    return k % 4 === 3 ? 255 : 225 + inside * ([40, 90, 120][k % 4] - 225);
   });
   const texture = new DataTexture(texels, size, size);
   texture.wrapS = texture.wrapT = RepeatWrapping;
   texture.colorSpace = SRGBColorSpace;
+  texture.magFilter = LinearFilter;
+  texture.minFilter = LinearMipmapLinearFilter;
   texture.generateMipmaps = texture.needsUpdate = true;
   return texture;
 }
