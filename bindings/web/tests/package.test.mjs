@@ -9,7 +9,7 @@ import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { PNG } from "pngjs";
 
-import { readObj } from "../../../examples/web/src/obj.js";
+import { readObj } from "./obj.mjs";
 import { Asset, AssetMethods, Carrier, VrtmError, load } from "../dist/index.js";
 import { WorkerAsset } from "../dist/worker_asset.js";
 import { Thread, squares } from "./shared.mjs";

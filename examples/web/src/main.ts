@@ -11,7 +11,7 @@ import { ring } from "./rings.js";
 import { SCENES, type Scene } from "./scenes.js";
 import { Stage } from "./stage.js";
 import type { Part } from "./state.js";
-import { Loop, measured, percent, words } from "./strain.js";
+import { Loop, measured, percent, words, type Measure } from "./strain.js";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const { body } = document;
@@ -109,7 +109,7 @@ function close(): void {
   open = undefined;
   delete body.dataset.solved;
   element<HTMLButtonElement>("worst").disabled = true;
-  element("numbers").textContent = "";
+  document.querySelectorAll(".without b, .with b, #numbers").forEach((figure) => (figure.textContent = ""));
 }
 
 /** Solves for the newest time, and shows pose and map together once they are there. */
@@ -141,18 +141,24 @@ async function solve(quality: "draft" | "normal"): Promise<void> {
   }
   body.dataset.state = playing ? "playing" : "still";
   body.dataset.solved = quality;
-  const strain = measured(parts);
-  if (measure && !strain) {
-    element("numbers").textContent = "Nothing is painted that keeps its shape.";
-  } else if (strain) {
-    now.loop.add(at, strain);
-    element("numbers").textContent = words(strain);
-    const shares = { ".without b": strain.before, ".with b": strain.after };
-    Object.entries(shares).forEach(([name, share]) => (document.querySelector(name)!.textContent = `${percent(share)} stretched`));
-    element<HTMLButtonElement>("worst").disabled = now.loop.worst() === null;
+  if (measure) {
+    figures(measured(parts));
   }
   hand.layout();
   stage.draw();
+}
+
+/** Tells what is stretched; `null` where nothing is painted. */
+function figures(strain: Measure | null): void {
+  const shares = { ".without b": strain?.before, ".with b": strain?.after };
+  for (const [name, share] of Object.entries(shares)) {
+    document.querySelector(name)!.textContent = share === undefined ? "" : `${percent(share)} stretched`;
+  }
+  element("numbers").textContent = strain ? words(strain) : "Nothing is painted that keeps its shape.";
+  if (strain) {
+    open!.loop.add(shownTime, strain);
+  }
+  element<HTMLButtonElement>("worst").disabled = open!.loop.worst() === null;
 }
 
 const drawn = () => new Promise((resolve) => element("view").addEventListener("drawn", resolve, { once: true }));
