@@ -12,7 +12,7 @@ execFileSync(process.execPath, [`${here}node_modules/typescript/bin/tsc`, "--pro
 rmSync(out, { recursive: true, force: true });
 mkdirSync(out);
 await build({
-  entryPoints: { main: `${page}src/main.ts`, worker: `${here}dist/worker.js` },
+  entryPoints: { main: `${page}src/main.ts`, three: `${page}src/three.ts`, worker: `${here}dist/worker.js` },
   alias: { vrtm: `${here}dist/index.js`, "vrtm/three": `${here}dist/three/index.js` },
   nodePaths: [`${here}node_modules`],
   bundle: true,
@@ -23,7 +23,7 @@ await build({
   // Of three.js and of what its package names.
   legalComments: "linked",
 });
-for (const file of ["index.html", "style.css"]) {
+for (const file of ["index.html", "three.html", "style.css"]) {
   cpSync(page + file, out + file);
 }
 for (const file of ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.txt"]) {
