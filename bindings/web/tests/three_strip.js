@@ -2,9 +2,11 @@
 import * as THREE from "three";
 import { patch, redirect } from "vrtm/three";
 
-const RADIUS = 0.06;
+const SIZE = 512;
 /** Centres of studs, from the middle of the strip, a square with a side of 1. */
 const STUDS = [-0.2, 0, 0.2].flatMap((x) => [-0.25, 0, 0.25].map((y) => [x, y]));
+const LINEAR = { magFilter: THREE.LinearFilter, minFilter: THREE.LinearFilter, needsUpdate: true };
+const MIPMAPS = { ...LINEAR, minFilter: THREE.LinearMipmapLinearFilter };
 
 THREE.ColorManagement.enabled = false;
 const renderer = new THREE.WebGLRenderer({ antialias: true });
@@ -16,77 +18,75 @@ const sun = new THREE.DirectionalLight(0xffffff, 2);
 sun.position.set(0.7, 0.4, 1);
 const stage = new THREE.Scene().add(sun, new THREE.AmbientLight(0xffffff, 1));
 
-/** Height of studs, 0 to 1, per texel; the first row is the upper one. */
-function studs(size, edge = 1 / size) {
-  return Float32Array.from({ length: size * size }, (_, k) => {
-    const [x, y] = [((k % size) + 0.5) / size - 0.5, 0.5 - (Math.floor(k / size) + 0.5) / size];
+/** Height of studs with a radius of .06, 0 to 1, per texel; the first row is the upper one. */
+function studs(edge) {
+  return Float32Array.from({ length: SIZE * SIZE }, (_, k) => {
+    const [x, y] = [((k % SIZE) + 0.5) / SIZE - 0.5, 0.5 - (Math.floor(k / SIZE) + 0.5) / SIZE];
     const away = Math.min(...STUDS.map(([a, b]) => Math.hypot(x - a, y - b)));
-    return Math.min(1, Math.max(0, 0.5 + (RADIUS - away) / edge));
+    return Math.min(1, Math.max(0, 0.5 + (0.06 - away) / edge));
   });
 }
-const rigidity = studs(256);
+const rigidity = studs(1 / SIZE);
 
-/** A texture of colours, 0 to 1, given by column and row. */
-function texture(size, flipY, colour) {
-  const data = new Uint8Array(4 * size * size);
-  for (let k = 0; k < size * size; k++) {
-    data.set([...colour(k % size, Math.floor(k / size)).map((c) => Math.round(255 * c)), 255], 4 * k);
+/** A texture of the colours, 0 to 1, of texels. */
+function texture(flipY, colour) {
+  const data = new Uint8Array(4 * SIZE * SIZE);
+  for (let k = 0; k < SIZE * SIZE; k++) {
+    data.set([...colour(k), 1].map((c) => Math.round(255 * c)), 4 * k);
   }
-  const made = new THREE.DataTexture(data, size, size);
-  return Object.assign(made, {
-    flipY, magFilter: THREE.LinearFilter, minFilter: THREE.LinearMipmapLinearFilter, generateMipmaps: true,
-    wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping, needsUpdate: true,
-  });
+  const [wrapS, wrapT] = [THREE.RepeatWrapping, THREE.RepeatWrapping];
+  return Object.assign(new THREE.DataTexture(data, SIZE, SIZE), MIPMAPS, { flipY, generateMipmaps: true, wrapS, wrapT });
 }
-
-function paint(flipY, size = 1024) {
-  const heights = studs(size);
-  return texture(size, flipY, (x, y) => [heights[y * size + x], 0.2, 0.3]);
-}
+const paint = (flipY) => texture(flipY, (k) => [rigidity[k], 0.2, 0.3]);
 
 /** Normals of softer studs. */
-function relief(flipY, size = 512) {
-  const heights = studs(size, 0.06);
-  const at = (x, y) => heights[Math.min(size - 1, Math.max(0, y)) * size + Math.min(size - 1, Math.max(0, x))];
-  return texture(size, flipY, (x, y) => {
-    const normal = new THREE.Vector3(at(x - 1, y) - at(x + 1, y), at(x, y + 1) - at(x, y - 1), 0.05).normalize();
-    return [normal.x, flipY ? normal.y : -normal.y, normal.z].map((c) => 0.5 + 0.5 * c);
+function relief(flipY) {
+  const heights = studs(0.06);
+  return texture(flipY, (k) => {
+    const [x, y] = [1, SIZE].map((step) => (heights[k - step] ?? 0) - (heights[k + step] ?? 0));
+    return new THREE.Vector3(x, flipY ? -y : y, 0.05).normalize().toArray().map((c) => 0.5 + 0.5 * c);
   });
 }
 
-/** The pose of a point: stretched in x by 1.6, and sheared by `shear`. */
-const moved = (x, y, shear) => {
+/** Shift of a point: the strip is stretched in x by 1.6, and sheared. */
+function moved(x, y, shear) {
   const along = Math.min(1, Math.max(0, (x + 0.4) / 0.8));
-  return [0.48 * along + shear * along * y, 0];
-};
+  return 0.48 * along + shear * along * y;
+}
 
-/** A strip that bones or a morph target stretch; `pose(1)` does. */
+/** A strip that bones or a morph target stretch by an amount. */
 function strip({ material, skinned = false, flipY = true, shear = 0, count = 60 }) {
   const geometry = new THREE.PlaneGeometry(1, 1, count, count);
   const { position, uv } = geometry.attributes;
-  if (!flipY) {
-    uv.array.forEach((v, k) => (uv.array[k] = k % 2 ? 1 - v : v));
-  }
-  const points = Array.from({ length: position.count }, (_, k) => moved(position.getX(k), position.getY(k), shear));
-  const attribute = (array, size) => new THREE.Float32BufferAttribute(array.flat(), size);
+  uv.array.forEach((v, k) => flipY || k % 2 === 0 || (uv.array[k] = 1 - v));
+  const shifts = Array.from({ length: position.count }, (_, k) => moved(position.getX(k), position.getY(k), shear));
+  const numbers = (size, make) => new THREE.Float32BufferAttribute(shifts.flatMap(make), size);
   if (!skinned) {
-    geometry.morphAttributes.position = [attribute(points.map(([x, y]) => [x, y, 0]), 3)];
+    geometry.morphAttributes.position = [numbers(3, (x) => [x, 0, 0])];
     geometry.morphTargetsRelative = true;
     const mesh = new THREE.Mesh(geometry, material);
     return { mesh, pose: (amount) => (mesh.morphTargetInfluences[0] = amount) };
   }
-  geometry.setAttribute("skinIndex", attribute(points.map(() => [0, 1, 0, 0]), 4));
-  geometry.setAttribute("skinWeight", attribute(points.map(([x]) => [1 - x / 0.48, x / 0.48, 0, 0]), 4));
+  geometry.setAttribute("skinIndex", numbers(4, () => [0, 1, 0, 0]));
+  geometry.setAttribute("skinWeight", numbers(4, (x) => [1 - x / 0.48, x / 0.48, 0, 0]));
   const bones = [new THREE.Bone(), new THREE.Bone()];
-  const mesh = new THREE.SkinnedMesh(geometry, material);
-  mesh.add(bones[0].add(bones[1]));
+  const mesh = new THREE.SkinnedMesh(geometry, material).add(bones[0].add(bones[1]));
   mesh.bind(new THREE.Skeleton(bones));
   return { mesh, pose: (amount) => (bones[1].position.x = 0.48 * amount) };
 }
 
-/** The strip at rest in the shape of a pose, with the UVs that a map redirects to: own bilinear look-up. */
-function exact({ mesh }, { delta, mapSize }, flipY, shear) {
-  const geometry = mesh.geometry.clone();
+/** A strip that was redirected in its pose. */
+async function stretched(settings, quality = "draft") {
+  const made = strip(settings);
+  const redirected = await redirect(made.mesh, { rigidity, size: SIZE, grid: 192 });
+  made.pose(1);
+  await redirected.update(quality);
+  return { ...made, redirected };
+}
+
+/** A fine strip without bones in that pose, with the UVs to which the map redirects: an own bilinear look-up. */
+function exact({ delta, mapSize }, flipY, shear) {
+  const { geometry } = strip({ flipY, count: 250 }).mesh;
   geometry.morphAttributes = {};
   const { position, uv } = geometry.attributes;
   for (let k = 0; k < uv.count; k++) {
@@ -98,7 +98,7 @@ function exact({ mesh }, { delta, mapSize }, flipY, shear) {
       return sum + value * (a ? x - i : i + 1 - x) * (b ? y - j : j + 1 - y);
     }, 0);
     uv.setXY(k, u + at(0), uv.getY(k) + (flipY ? at(1) : -at(1)));
-    position.setX(k, position.getX(k) + moved(position.getX(k), position.getY(k), shear)[0]);
+    position.setX(k, position.getX(k) + moved(position.getX(k), position.getY(k), shear));
   }
   return geometry;
 }
@@ -108,59 +108,42 @@ function picture(...objects) {
   stage.add(...objects);
   renderer.render(stage, camera);
   stage.remove(...objects);
+  const data = new Uint8Array(4 * 800 * 560);
   const gl = renderer.getContext();
-  const [width, height] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
-  const data = new Uint8Array(4 * width * height);
-  gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
-  return { data, width, height };
+  gl.readPixels(0, 0, 800, 560, gl.RGBA, gl.UNSIGNED_BYTE, data);
+  return data;
 }
 
-/** Ratios of the axes of ellipses with the moments of connected pixels whose red is over `threshold`. */
-function aspects({ data, width, height }, threshold = 128) {
+/** Ellipses with the moments of connected pixels that have much of a channel: places, ratios of axes, areas. */
+function ellipses(data, channel = 0) {
   const found = [];
-  const seen = new Uint8Array(width * height);
+  const seen = new Uint8Array(data.length / 4);
   for (let start = 0; start < seen.length; start++) {
     const blob = [];
-    const visit = (k) => !seen[k] && data[4 * k] > threshold && ((seen[k] = 1), blob.push(k));
+    const visit = (k) => !seen[k] && data[4 * k + channel] > 128 && ((seen[k] = 1), blob.push(k));
     visit(start);
     for (let n = 0; n < blob.length; n++) {
-      [blob[n] - 1, blob[n] + 1, blob[n] - width, blob[n] + width].forEach(visit);
+      [blob[n] - 1, blob[n] + 1, blob[n] - 800, blob[n] + 800].forEach(visit);
     }
     if (blob.length > 100) {
-      const [x, y] = [blob.map((k) => k % width), blob.map((k) => Math.floor(k / width))];
-      const mean = (values) => values.reduce((a, b) => a + b) / values.length;
-      const [mx, my] = [mean(x), mean(y)];
-      const at = new THREE.Vector2(mx + 0.5, my + 0.5).multiply({ x: 2 / width, y: 2 / height }).subScalar(1);
-      const [xx, yy, xy] = [
-        mean(x.map((v) => (v - mx) ** 2)), mean(y.map((v) => (v - my) ** 2)), mean(x.map((v, k) => (v - mx) * (y[k] - my))),
-      ];
-      const root = Math.hypot((xx - yy) / 2, xy);
-      found.push({ at, aspect: Math.sqrt(((xx + yy) / 2 + root) / ((xx + yy) / 2 - root)), area: blob.length });
+      const mean = (of) => blob.reduce((sum, k) => sum + of(k % 800, Math.floor(k / 800)), 0) / blob.length;
+      const [x, y] = [mean((x) => x), mean((_, y) => y)];
+      const [xx, yy, xy] = [mean((a) => (a - x) ** 2), mean((_, b) => (b - y) ** 2), mean((a, b) => (a - x) * (b - y))];
+      const [middle, root] = [(xx + yy) / 2, Math.hypot((xx - yy) / 2, xy)];
+      const at = new THREE.Vector2((x + 0.5) / 400 - 1, (y + 0.5) / 280 - 1);
+      found.push({ at, aspect: Math.sqrt((middle + root) / (middle - root)), area: blob.length });
     }
   }
   return found;
 }
 
-/** Mean difference of two pictures' bytes, and the largest. */
-function difference(a, b) {
-  let [sum, most] = [0, 0];
-  a.data.forEach((value, k) => {
-    const apart = Math.abs(value - b.data[k]);
-    sum += apart;
-    most = Math.max(most, apart);
-  });
-  return { mean: sum / a.data.length, most };
-}
-
-/** A strip that was redirected in its pose, by default with a draft. */
-async function stretched(settings, options = {}, quality = "draft") {
-  const made = strip(settings);
-  const redirected = await redirect(made.mesh, { rigidity, size: 256, mapSize: 512, ...options });
-  made.pose(1);
-  await redirected.update(quality);
-  return { ...made, redirected };
+/** Mean difference of two pictures' bytes, and the largest; only of some columns. */
+function difference(a, b, from = 0, to = 800) {
+  const apart = a.map((value, k) => ((k >> 2) % 800 >= from && (k >> 2) % 800 < to ? Math.abs(value - b[k]) : 0));
+  return { mean: apart.reduce((sum, value) => sum + value, 0) / a.length, most: apart.reduce((x, y) => Math.max(x, y)) };
 }
 
 Object.assign(window, {
-  THREE, STUDS, patch, redirect, renderer, camera, stage, sun, texture, paint, relief, strip, stretched, exact, picture, aspects, difference,
+  THREE, STUDS, SIZE, LINEAR, MIPMAPS, rigidity, patch, redirect, renderer, camera, sun, paint, relief, strip, stretched, exact, picture,
+  ellipses, difference,
 });

@@ -24,8 +24,8 @@ export interface PatchOptions {
 
 const LOOK_UP = "vec2 vrtmLookUp( vec2 at ) { return textureLod( vrtmMap, at, 0.0 ).rg; }";
 
-/** The shader knows the derivatives of the own UVs in each pixel, and those of the redirection from neighbouring texels:
- * differences between redirected pixels would be wrong where a block of four reaches over the border of a chart. */
+/** Derivatives of own UVs are known in each pixel, and those of the redirection from neighbouring texels: differences
+ * between redirected pixels would be wrong where a block of four reaches over the border of a chart. */
 const declarations = (flipY: boolean, lookUp: string) => /* glsl */ `
 uniform sampler2D vrtmMap;
 uniform float vrtmStrength, vrtmWipe;
@@ -35,7 +35,9 @@ vec2 vrtmUv, vrtmDelta;
 mat2 vrtmGrad;
 mat3 vrtmTurn = mat3( 1.0 );
 ${lookUp}
-vec2 vrtmDeltaAt( vec2 uv ) { return ${flipY ? "vrtmLookUp( vec2( uv.x, 1.0 - uv.y ) )" : "vrtmLookUp( uv ) * vec2( 1.0, - 1.0 )"}; }
+vec2 vrtmDeltaAt( vec2 uv ) {
+  return ${flipY ? "vrtmLookUp( vec2( uv.x, 1.0 - uv.y ) )" : "vrtmLookUp( uv ) * vec2( 1.0, - 1.0 )"};
+}
 `;
 
 const REDIRECT = /* glsl */ `
@@ -50,7 +52,7 @@ void vrtmRedirect() {
   mat2 own = mat2( dFdx( vrtmOwn ), dFdy( vrtmOwn ) );
   vrtmGrad = jacobian * own;
 #ifdef USE_TANGENT
-  // The redirected tangent is dP/du' = dP/du du/du' + dP/dv dv/du'; vertex tangents have no lengths, the derivatives have.
+  // The redirected tangent is dP/du' = dP/du du/du' + dP/dv dv/du'. Vertex tangents have no lengths.
   vec3 px = dFdx( vViewPosition ), py = dFdy( vViewPosition );
   float u = length( px * own[ 1 ].y - py * own[ 0 ].y ), w = length( py * own[ 0 ].x - px * own[ 1 ].x );
   vec2 turn = vec2( u * jacobian[ 1 ].y, - w * jacobian[ 0 ].y );
@@ -64,11 +66,14 @@ void main() {
 
 const MAIN = /void\s+main\s*\(\s*\)\s*\{/;
 /** A varying with its texture's transform, a look-up, a derivative, and the UV alone. */
-const UV =
-  /(?:uniform mat3 \w+Transform;\s*)?varying vec2 v([A-Z]\w*)?Uv;|texture2D\(\s*(\w+),\s*v([A-Z]\w*)?Uv\b([^()]*)\)|dFd([xy])\( v([A-Z]\w*)?Uv \)|\bv([A-Z]\w*)?Uv\b/g;
+const UV = new RegExp([
+  /(?:uniform mat3 \w+Transform;\s*)?varying vec2 v([A-Z]\w*)?Uv;/, /texture2D\(\s*(\w+),\s*v([A-Z]\w*)?Uv\b([^()]*)\)/,
+  /dFd([xy])\( v([A-Z]\w*)?Uv \)/, /\bv([A-Z]\w*)?Uv\b/,
+].map(({ source }) => source).join("|"), "g");
 
 const resolved = (text: string): string =>
-  text.replace(/^[ \t]*#include +<([\w./]+)>/gm, (line, name: keyof typeof ShaderChunk) => resolved(ShaderChunk[name] ?? line));
+  text.replace(/^[ \t]*#include +<(\w+)>/gm, (line, name: keyof typeof ShaderChunk) =>
+    name in ShaderChunk ? resolved(ShaderChunk[name]) : line);
 
 /** Writes a fragment shader for redirected UVs; `transformOf` gives the uniform of a texture's transform, "" for none,
  * and `undefined` for textures of other UV sets. */
@@ -78,7 +83,7 @@ function redirected(text: string, head: string, transformOf: (slot?: string) => 
     // The frame of tangents takes derivatives in place of the UV.
     .replace(/(mat3 getTangentFrame\([^)]*)vec2 uv/, "$1mat2 uv")
     .replace(/dFd([xy])\( uv\.st \)/g, (_, axis) => `uv[ ${axis === "x" ? 0 : 1} ]`)
-    .replace(/getTangentFrame\( -[^;]*\);/g, (call) => call.replace(/v([A-Z]\w*)?Uv\b/g, "mat2( dFdx( $& ), dFdy( $& ) )"))
+    .replace(/getTangentFrame\( -[^;]*/g, (call) => call.replace(/v([A-Z]\w*)?Uv\b/g, "mat2( dFdx( $& ), dFdy( $& ) )"))
     .replace(/mat3\( normalize\( vTangent \), normalize\( vBitangent \), normal \)/g, "$& * vrtmTurn")
     .replace(UV, (whole, declared, sampler, looked, rest, axis, derived, plain) => {
       const slot: string | undefined = declared ?? looked ?? derived ?? plain;
@@ -102,7 +107,7 @@ function redirected(text: string, head: string, transformOf: (slot?: string) => 
 }
 
 /** Replaces a method of an object, and returns what takes that back. */
-export function replace<T extends object, K extends keyof T>(object: T, name: K, make: (before: T[K]) => T[K]): () => void {
+export function replace<T extends object, K extends keyof T>(object: T, name: K, make: (before: T[K]) => T[K]) {
   const isOwn = Object.hasOwn(object, name);
   const before = object[name];
   const after = (object[name] = make(before));
@@ -119,8 +124,8 @@ export function replace<T extends object, K extends keyof T>(object: T, name: K,
 
 const patched = new WeakSet<Material>();
 
-/** Lets a material look up redirected UVs, after its own `onBeforeCompile`, and returns what takes that back. GLSL of that
- * function finds the redirected UV in `vrtmUv`, the own one in `vrtmOwn`. */
+/** Lets a material look up redirected UVs, after its own `onBeforeCompile`, and returns what takes that back. GLSL of
+ * that function finds the redirected UV in `vrtmUv`, the own one in `vrtmOwn`. */
 export function patch(
   material: Material,
   uniforms: Uniforms,
@@ -149,11 +154,12 @@ export function patch(
           shader.uniforms[`vrtm${name[0].toUpperCase()}${name.slice(1)}`] = uniform;
         }
         const declared = uv === 0 ? "" : `#ifndef USE_UV${uv}\nattribute vec2 ${attribute};\n#endif\n`;
-        shader.vertexShader = shader.vertexShader.replace(MAIN, (main) => `${declared}varying vec2 vrtmOwn;\n${main}\nvrtmOwn = ${attribute};`);
+        const own = `${declared}varying vec2 vrtmOwn;\n`;
+        shader.vertexShader = shader.vertexShader.replace(MAIN, (main) => `${own}${main}\nvrtmOwn = ${attribute};`);
         shader.fragmentShader = redirected(shader.fragmentShader, head, transformOf);
       }
     }),
-    replace(material, "customProgramCacheKey", (before) => () => `${before.call(material)}${isLive ? `vrtm ${uv} ${head}` : ""}`),
+    replace(material, "customProgramCacheKey", (before) => () => before.call(material) + (isLive ? `${uv} ${head}` : "")),
   ];
   material.needsUpdate = true;
   return () => {

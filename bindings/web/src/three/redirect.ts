@@ -26,7 +26,7 @@ export interface RedirectSettings extends SourceOptions, WorkerSettings {
   hold?: boolean;
 }
 
-/** Prepares meshes that share a set of textures, in a worker of their own. They look as before until the first `update`. */
+/** Prepares meshes that share textures, in a worker of their own. They look as before until the first `update`. */
 export async function redirect(meshes: Mesh | Mesh[], settings: RedirectSettings): Promise<Redirected> {
   const { rigidity, size, grid, worker, wasm, log } = settings;
   const all = [meshes].flat();
@@ -62,7 +62,9 @@ export class Redirected {
   #settings: RedirectSettings;
 
   /** @internal */
-  constructor(readonly meshes: readonly Mesh[], readonly source: Source, readonly asset: WorkerAsset, settings: RedirectSettings) {
+  constructor(
+    readonly meshes: readonly Mesh[], readonly source: Source, readonly asset: WorkerAsset, settings: RedirectSettings,
+  ) {
     const { size, uv, mapSize = Math.min(size, 512), hold = true } = settings;
     this.#settings = settings;
     this.#size = size;
@@ -82,8 +84,8 @@ export class Redirected {
     }
   }
 
-  /** Solves for the present pose, and shows it with its map. The newest pose wins: `null` if one came before the turn of
-   * this one, or after `dispose`. */
+  /** Solves for the present pose, and shows it with its map. The newest pose wins: `null` if one came before this one's
+   * turn, or after `dispose`. */
   async update(quality = this.#settings.quality, options: Options = {}): Promise<Result | null> {
     const pose = this.source.pose();
     const held = this.meshes.map(capture);
@@ -173,10 +175,9 @@ function show(mesh: Mesh, shown: Shown): (() => void)[] {
     }
   };
   const [begin, end] = [() => swap(shown, own), () => swap(own, shown)];
-  return [
-    replace(mesh, "onBeforeRender", (before) => function (this: Mesh, ...given) { before.apply(this, given); begin(); }),
-    replace(mesh, "onAfterRender", (before) => function (this: Mesh, ...given) { end(); before.apply(this, given); }),
-    replace(mesh, "onBeforeShadow", (before) => function (this: Mesh, ...given) { before.apply(this, given); begin(); }),
-    replace(mesh, "onAfterShadow", (before) => function (this: Mesh, ...given) { end(); before.apply(this, given); }),
-  ];
+  const first = (name: "onBeforeRender" | "onBeforeShadow") =>
+    replace(mesh, name, (before: any) => (...given: unknown[]) => { before.apply(mesh, given); begin(); });
+  const last = (name: "onAfterRender" | "onAfterShadow") =>
+    replace(mesh, name, (before: any) => (...given: unknown[]) => { end(); before.apply(mesh, given); });
+  return [first("onBeforeRender"), last("onAfterRender"), first("onBeforeShadow"), last("onAfterShadow")];
 }
