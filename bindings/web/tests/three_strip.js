@@ -5,8 +5,7 @@ import { patch, redirect } from "vrtm/three";
 const SIZE = 512;
 /** Centres of studs, from the middle of the strip, a square with a side of 1. */
 const STUDS = [-0.2, 0, 0.2].flatMap((x) => [-0.25, 0, 0.25].map((y) => [x, y]));
-const LINEAR = { magFilter: THREE.LinearFilter, minFilter: THREE.LinearFilter, needsUpdate: true };
-const MIPMAPS = { ...LINEAR, minFilter: THREE.LinearMipmapLinearFilter };
+const MIPMAPS = { magFilter: THREE.LinearFilter, minFilter: THREE.LinearMipmapLinearFilter, needsUpdate: true };
 
 THREE.ColorManagement.enabled = false;
 const renderer = new THREE.WebGLRenderer({ antialias: true });
@@ -58,6 +57,8 @@ function moved(x, y, shear) {
 function strip({ material, skinned = false, flipY = true, shear = 0, count = 60 }) {
   const geometry = new THREE.PlaneGeometry(1, 1, count, count);
   const { position, uv } = geometry.attributes;
+  // Two halves, for two materials.
+  [0, 1].forEach((half) => geometry.addGroup(3 * half * count * count, 3 * count * count, half));
   uv.array.forEach((v, k) => flipY || k % 2 === 0 || (uv.array[k] = 1 - v));
   const shifts = Array.from({ length: position.count }, (_, k) => moved(position.getX(k), position.getY(k), shear));
   const numbers = (size, make) => new THREE.Float32BufferAttribute(shifts.flatMap(make), size);
@@ -84,20 +85,13 @@ async function stretched(settings, quality = "draft") {
   return { ...made, redirected };
 }
 
-/** A fine strip without bones in that pose, with the UVs to which the map redirects: an own bilinear look-up. */
-function exact({ delta, mapSize }, flipY, shear) {
+/** A fine strip without bones in that pose, with redirected UVs. */
+function exact(redirected, flipY, shear) {
   const { geometry } = strip({ flipY, count: 250 }).mesh;
   geometry.morphAttributes = {};
   const { position, uv } = geometry.attributes;
   for (let k = 0; k < uv.count; k++) {
-    const [u, v] = [uv.getX(k), flipY ? 1 - uv.getY(k) : uv.getY(k)];
-    const [x, y] = [u, v].map((t) => Math.min(mapSize - 1.001, Math.max(0, t * mapSize - 0.5)));
-    const [i, j] = [Math.floor(x), Math.floor(y)];
-    const at = (c) => [[0, 0], [1, 0], [0, 1], [1, 1]].reduce((sum, [a, b]) => {
-      const value = THREE.DataUtils.fromHalfFloat(delta[2 * ((j + b) * mapSize + i + a) + c]);
-      return sum + value * (a ? x - i : i + 1 - x) * (b ? y - j : j + 1 - y);
-    }, 0);
-    uv.setXY(k, u + at(0), uv.getY(k) + (flipY ? at(1) : -at(1)));
+    uv.setXY(k, ...redirected.uvAt({ x: uv.getX(k), y: uv.getY(k) }));
     position.setX(k, position.getX(k) + moved(position.getX(k), position.getY(k), shear));
   }
   return geometry;
@@ -144,6 +138,6 @@ function difference(a, b, from = 0, to = 800) {
 }
 
 Object.assign(window, {
-  THREE, STUDS, SIZE, LINEAR, MIPMAPS, rigidity, patch, redirect, renderer, camera, sun, paint, relief, strip, stretched, exact, picture,
-  ellipses, difference,
+  THREE, STUDS, SIZE, MIPMAPS, rigidity, patch, redirect, renderer, camera, sun, paint, relief, strip, stretched, exact,
+  picture, ellipses, difference,
 });

@@ -1,7 +1,7 @@
 /** Meshes of three.js whose textures keep their shape while they deform. */
 import {
   DataTexture, DataUtils, HalfFloatType, LinearFilter, RGFormat, RepeatWrapping, Vector2, type Material, type Mesh,
-  type Skeleton, type SkinnedMesh,
+  type SkinnedMesh,
 } from "three";
 import type { Options, Redirected as Result, Report, Settings, Texels } from "../index.js";
 import { WorkerAsset, type WorkerSettings } from "../worker_asset.js";
@@ -43,10 +43,7 @@ export async function redirect(meshes: Mesh | Mesh[], settings: RedirectSettings
 }
 
 /** What a mesh is drawn with in place of its newest pose. */
-interface Shown {
-  skeleton?: Skeleton;
-  influences?: number[];
-}
+type Shown = Partial<Pick<SkinnedMesh, "skeleton" | "bindMatrixInverse" | "morphTargetInfluences">>;
 
 export class Redirected {
   /** `strength.value`, 0 to 1, fades from own UVs to redirected ones; pixels left of `wipe.value` have own UVs. */
@@ -58,7 +55,7 @@ export class Redirected {
   #size: number;
   #texture: DataTexture;
   #shown: Shown[];
-  #undo: (() => void)[];
+  #undo: (() => void)[] = [];
   #settings: RedirectSettings;
 
   /** @internal */
@@ -76,9 +73,15 @@ export class Redirected {
     this.#texture.wrapS = this.#texture.wrapT = RepeatWrapping;
     this.#texture.needsUpdate = true;
     this.uniforms = { map: { value: this.#texture }, strength: { value: 1 }, wipe: { value: 0 } };
-    const materials = new Set<Material>(meshes.flatMap(({ material }) => material));
-    this.#undo = [...materials].map((material) => patch(material, this.uniforms, { uv, flipY: source.flipY }));
     this.#shown = meshes.map(() => ({}));
+    try {
+      for (const material of new Set<Material>(meshes.flatMap(({ material }) => material))) {
+        this.#undo.push(patch(material, this.uniforms, { uv, flipY: source.flipY }));
+      }
+    } catch (error) {
+      this.dispose();
+      throw error;
+    }
     if (hold) {
       meshes.forEach((mesh, k) => this.#undo.push(...show(mesh, this.#shown[k])));
     }
@@ -143,41 +146,39 @@ export class Redirected {
   }
 }
 
-const isSkinned = (mesh: Mesh): mesh is SkinnedMesh => (mesh as SkinnedMesh).isSkinnedMesh === true;
-
 /** Notes a mesh's pose, and returns what shows it. */
-function capture(mesh: Mesh): (shown: Shown) => void {
-  const influences = mesh.morphTargetInfluences?.slice();
-  const skeleton = isSkinned(mesh) ? mesh.skeleton : undefined;
-  skeleton?.update();
-  const matrices = skeleton?.boneMatrices?.slice();
+function capture(mesh: Mesh | SkinnedMesh): (shown: Shown) => void {
+  const morphTargetInfluences = mesh.morphTargetInfluences?.slice();
+  const skinned = "skeleton" in mesh ? mesh : undefined;
+  // The place of the mesh is none of its pose: bones have theirs in the world.
+  const bindMatrixInverse = skinned?.bindMatrixInverse.clone();
+  skinned?.skeleton.update();
+  const matrices = skinned?.skeleton.boneMatrices!.slice();
   return (shown) => {
-    shown.influences = influences;
-    if (skeleton && matrices) {
-      shown.skeleton ??= skeleton.clone().computeBoneTexture();
+    Object.assign(shown, { morphTargetInfluences, bindMatrixInverse });
+    if (skinned && matrices) {
+      shown.skeleton ??= skinned.skeleton.clone().computeBoneTexture();
       shown.skeleton.boneMatrices!.set(matrices);
       shown.skeleton.boneTexture!.needsUpdate = true;
     }
   };
 }
 
-/** Draws a mesh in the pose that is shown, and returns what takes that back. Its own pose is untouched otherwise. */
+/** Draws a mesh in the pose that is shown, and returns what takes that back. Its own pose is there before and after. */
 function show(mesh: Mesh, shown: Shown): (() => void)[] {
-  const own: Shown = {};
-  const swap = (to: Shown, from: Shown) => {
-    if (isSkinned(mesh) && to.skeleton) {
-      from.skeleton = mesh.skeleton;
-      mesh.skeleton = to.skeleton;
-    }
-    if (to.influences) {
-      from.influences = mesh.morphTargetInfluences;
-      mesh.morphTargetInfluences = to.influences;
+  const own = mesh as Shown;
+  const swap = () => {
+    for (const name of ["skeleton", "bindMatrixInverse", "morphTargetInfluences"] as const) {
+      if (shown[name]) {
+        const held = shown[name];
+        Object.assign(shown, { [name]: own[name] });
+        Object.assign(own, { [name]: held });
+      }
     }
   };
-  const [begin, end] = [() => swap(shown, own), () => swap(own, shown)];
-  const first = (name: "onBeforeRender" | "onBeforeShadow") =>
-    replace(mesh, name, (before: any) => (...given: unknown[]) => { before.apply(mesh, given); begin(); });
-  const last = (name: "onAfterRender" | "onAfterShadow") =>
-    replace(mesh, name, (before: any) => (...given: unknown[]) => { end(); before.apply(mesh, given); });
-  return [first("onBeforeRender"), last("onAfterRender"), first("onBeforeShadow"), last("onAfterShadow")];
+  const hooks = ["onBeforeRender", "onAfterRender", "onBeforeShadow", "onAfterShadow"] as const;
+  return hooks.map((name) => replace(mesh, name, (before: any) => (...given: unknown[]) => {
+    swap();
+    before.apply(mesh, given);
+  }));
 }
