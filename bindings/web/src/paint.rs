@@ -9,6 +9,9 @@ use crate::Result;
 use crate::arrays::Array;
 use crate::objects::object;
 
+/// Texels beside charts that are painted with them.
+const MARGIN: f32 = 2.0;
+
 /// Columns and rows, from which the bytes of a texel and those of all maps are counted.
 fn texels(name: &str, size: &[u32]) -> Result<[usize; 2]> {
     match size.iter().map(|&side| side as usize).collect::<Vec<_>>()[..] {
@@ -78,6 +81,8 @@ pub fn of_detail(
 pub struct Surface {
     vertices: Vec<[u32; 3]>,
     uvs: Vec<[[f32; 2]; 3]>,
+    /// The texels around each triangle that are painted with it: 0 within charts.
+    margins: Vec<f32>,
     /// The triangles at each vertex.
     around: Vec<Vec<u32>>,
     positions: Vec<[f32; 3]>,
@@ -103,10 +108,25 @@ impl Surface {
         for (k, &vertex) in indices.iter().enumerate() {
             around[vertex as usize].push(k as u32 / 3);
         }
-        let of_corners =
-            uv_indices.as_chunks::<3>().0.iter().map(|of| of.map(|uv| uvs[uv as usize])).collect();
+        let of_corners: Vec<_> =
+            uv_indices.as_chunks().0.iter().map(|of| of.map(|uv| uvs[uv as usize])).collect();
+        let corner = |k: u32, vertex| {
+            let place = corners[k as usize].iter().position(|v| *v == vertex);
+            place.map(|place| of_corners[k as usize][place])
+        };
+        // An edge within a chart has another triangle with the same UVs at both ends.
+        let is_within = |k: u32, [a, b]: [u32; 2]| {
+            let same = |other: u32| [a, b].iter().all(|&v| corner(other, v) == corner(k, v));
+            around[a as usize].iter().any(|&other: &u32| other != k && same(other))
+        };
+        let margin = |(k, &[a, b, c]): (usize, &[u32; 3])| {
+            let is_inside = [[a, b], [b, c], [c, a]].into_iter().all(|edge| is_within(k as u32, edge));
+            if is_inside { 0.0 } else { MARGIN }
+        };
+        let margins = corners.iter().enumerate().map(margin).collect();
         Ok(Surface {
             vertices: corners.to_vec(),
+            margins,
             uvs: of_corners,
             around,
             positions: Vec::new(),
@@ -164,9 +184,15 @@ impl Surface {
         let around = |v: u32| &*self.around[v as usize];
         let mut found = Vec::new();
         for k in paint::disc(triangle, ball, &self.positions, |k| self.vertices[k], around) {
-            paint::fill((self.corners(k), self.uvs[k]), ball, size, (*grid, delta), |texel, away| {
-                found.push((texel as u32, paint::cover(away, softness)));
-            });
+            paint::fill(
+                (self.corners(k), self.uvs[k], self.margins[k]),
+                ball,
+                size,
+                (*grid, delta),
+                |texel, away| {
+                    found.push((texel as u32, paint::cover(away, softness)));
+                },
+            );
         }
         found.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
         found.dedup_by_key(|(texel, _)| *texel);

@@ -1,5 +1,5 @@
-/** Rigidity from a texture, and from a brush: what a page needs in which artists paint. It runs on the thread that calls,
- * after `load`; pages have it beside a `WorkerAsset`, since strokes cannot wait for the solve that is under way. */
+/** Rigidity from a texture and from a brush, for pages in which artists paint. It runs on the thread that calls, after
+ * `load`; pages have it beside a `WorkerAsset`, since strokes cannot wait for the solve that is under way. */
 import type { Mesh, Numbers } from "./index.js";
 import { guarded } from "./module.js";
 import * as module from "./wasm/vrtm.js";
@@ -18,7 +18,8 @@ type Size = readonly [number, number];
 export const rigidity = {
   /** Rigid where a picture is at most `tolerance` from a colour, 0 to 1 per channel: black and white are 1.73 apart. */
   ofColour(picture: Picture, colour: readonly number[], tolerance = 0.2, size?: Size): Uint8Array {
-    return ofPicture(picture, size, (own, size) => module.ofColour(picture.data, own, size, Float32Array.from(colour), tolerance));
+    const channels = Float32Array.from(colour);
+    return ofPicture(picture, size, (own, size) => module.ofColour(picture.data, own, size, channels, tolerance));
   },
 
   /** Rigid where a picture is brighter than a threshold, 0 to 1; 0 = the one that parts it best (Otsu). */
@@ -26,14 +27,16 @@ export const rigidity = {
     return ofPicture(picture, size, (own, size) => module.ofBrightness(picture.data, own, size, threshold));
   },
 
-  /** From 0 on plain ground to `ceiling`, 0 to 1, where a picture is drawn on. `features`: a rigidity map of `size`, around
-   * whose rigid parts nothing is held; if it has none, nothing is. */
+  /** From 0 on plain ground to `ceiling`, 0 to 1, where a picture is drawn on. `features`: a rigidity map of `size`,
+   * around whose rigid parts nothing is held; if it has none, nothing is. */
   ofDetail(picture: Picture, features?: Uint8Array, ceiling = 0.3, size?: Size): Uint8Array {
     return ofPicture(picture, size, (own, size) => module.ofDetail(picture.data, own, size, features, ceiling));
   },
 };
 
-function ofPicture({ width, height }: Picture, size: Size = [width, height], make: (own: Uint32Array, size: Uint32Array) => Uint8Array) {
+type Make = (own: Uint32Array, size: Uint32Array) => Uint8Array;
+
+function ofPicture({ width, height }: Picture, size: Size = [width, height], make: Make): Uint8Array {
   return guarded(() => make(Uint32Array.of(width, height), Uint32Array.from(size)));
 }
 
@@ -59,7 +62,7 @@ export class Surface {
     this.#module = guarded(() => new module.Surface(indices, own, flat, positions.length / 3));
   }
 
-  /** Sets the pose, and the redirection through which the texture is seen: `delta` as half floats, zeros for own UVs. */
+  /** Sets the pose, and the redirection through which the texture is seen: `delta` as half floats, 0 for own UVs. */
   pose(positions: Numbers, delta: Uint16Array, size: Size): void {
     guarded(() => this.#module.pose(positions, delta, Uint32Array.from(size)));
   }
@@ -69,9 +72,10 @@ export class Surface {
   }
 
   /** The texels of a map of `size` that are seen within `radius` of a hit, on surface that hangs together with it: also
-   * beyond seams, and not on the other side of a thin wall. `softness`, 0 to 1: the part of the radius that fades out. */
+   * beyond seams, and not on the other side of a thin wall. `softness`, 0 to 1, is the part of it that fades. */
   dab({ triangle, point }: SurfaceHit, radius: number, softness: number, size: Size): Dab {
-    return guarded(() => this.#module.dab(triangle, Float32Array.from(point), radius, softness, Uint32Array.from(size)) as Dab);
+    const [at, texels] = [Float32Array.from(point), Uint32Array.from(size)];
+    return guarded(() => this.#module.dab(triangle, at, radius, softness, texels) as Dab);
   }
 
   free(): void {

@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
+import { build } from "esbuild";
 import { PNG } from "pngjs";
 import { Surface, load, rigidity } from "../dist/index.js";
 import { launch, serve, skip } from "./browser.mjs";
@@ -22,7 +23,8 @@ after(async () => {
 /** Red and white columns, ten texels wide each, on 40 x 20 texels; brighter ones are right. */
 const [width, height] = [40, 20];
 const columns = (k) => Math.floor((k % width) / 10) % 2;
-const picture = { width, height, data: Uint8ClampedArray.from({ length: 4 * width * height }, (_, k) => (columns(k >> 2) || k % 4 === 0 ? 255 : 0)) };
+const bytes = (_, k) => (columns(k >> 2) || k % 4 === 0 ? 255 : 0);
+const picture = { width, height, data: Uint8ClampedArray.from({ length: 4 * width * height }, bytes) };
 
 test("maps come from colour, brightness and detail, in the size that is asked for", () => {
   const red = rigidity.ofColour(picture, [1, 0, 0], 0.1);
@@ -49,7 +51,8 @@ test("maps come from colour, brightness and detail, in the size that is asked fo
 
 test("a brush paints what is seen under it", () => {
   const indices = Uint32Array.of(0, 1, 2, 0, 2, 3);
-  const mesh = { indices, uvIndices: indices, positions: Float32Array.of(0, 0, 0, 2, 0, 0, 2, 2, 0, 0, 2, 0), uvs: Float32Array.of(0, 0, 1, 0, 1, 1, 0, 1) };
+  const positions = Float32Array.of(0, 0, 0, 2, 0, 0, 2, 2, 0, 0, 2, 0);
+  const mesh = { indices, uvIndices: indices, positions, uvs: Float32Array.of(0, 0, 1, 0, 1, 1, 0, 1) };
   const surface = new Surface(mesh);
   assert.equal(surface.hit([1, 1, 1], [0, 0, -1]), null, "there is no pose yet");
   const delta = new Uint16Array(2 * 64 * 64);
@@ -57,7 +60,8 @@ test("a brush paints what is seen under it", () => {
   assert.equal(surface.hit([3, 1, 1], [0, 0, -1]), null);
   const hit = surface.hit([1.5, 0.5, 1], [0, 0, -1]);
   assert.deepEqual([hit.point, hit.uv], [[1.5, 0.5, 0], [0.75, 0.25]]);
-  const middle = ({ texels }) => [0, 1].map((c) => texels.reduce((sum, k) => sum + (c ? k >> 6 : k & 63) + 0.5, 0) / texels.length);
+  const mean = (numbers) => numbers.reduce((sum, x) => sum + x + 0.5, 0) / numbers.length;
+  const middle = ({ texels }) => [mean(texels.map((k) => k & 63)), mean(texels.map((k) => k >> 6))];
   const dab = surface.dab(hit, 0.25, 0.5, [64, 64]);
   assert.ok(Math.abs(dab.texels.length - Math.PI * 64) < 8, `${dab.texels.length} texels`);
   assert.ok(middle(dab).every((at, c) => Math.abs(at - 48) < 0.1), `${middle(dab)}`);
@@ -66,14 +70,36 @@ test("a brush paints what is seen under it", () => {
   surface.pose(mesh.positions, delta.map((_, k) => (k % 2 ? 0 : 0xb000)), [64, 64]);
   assert.ok(Math.abs(middle(surface.dab(hit, 0.25, 0.5, [64, 64]))[0] - 40) < 0.1);
   assert.throws(() => surface.dab({ ...hit, triangle: 2 }, 1, 1, [64, 64]), { code: "InvalidArgument" });
-  assert.throws(() => new Surface({ ...mesh, indices: Uint32Array.of(0, 1, 4) }), { code: "InvalidArgument", message: /^mesh: / });
+  const beyond = { ...mesh, indices: Uint32Array.of(0, 1, 4) };
+  assert.throws(() => new Surface(beyond), { code: "InvalidArgument", message: /^mesh: / });
+});
+
+test("steps of painting take bounded memory", async () => {
+  const entryPoints = [fileURLToPath(new URL("../../../examples/web/src/steps.ts", import.meta.url))];
+  const [{ text }] = (await build({ entryPoints, write: false, bundle: true, format: "esm" })).outputFiles;
+  const { Steps } = await import(`data:text/javascript,${encodeURIComponent(text)}`);
+  const [steps, size] = [new Steps(), 4096];
+  const part = { rigidity: new Uint8Array(size * size), size };
+  const keep = (rect) => steps.keep([{ part, rect, texels: new Uint8Array(rect[2] * rect[3]) }]);
+  for (let k = 0; k < 200; k++) {
+    keep([k, 7, 2, 3]);
+  }
+  assert.equal(steps.done.length, 100);
+  keep([0, 0, size, size]);
+  keep([0, 0, size, size]);
+  assert.equal(steps.done.length, 1, "both together have more than 32 MB");
+  steps.move("done");
+  assert.deepEqual([steps.done.length, steps.undone.length], [0, 1]);
+  keep([0, 0, 1, 1]);
+  assert.deepEqual([steps.done.length, steps.undone.length], [1, 0]);
 });
 
 const timeout = 300_000;
-const sizes = { desk: { width: 1280, height: 800 }, phone: { width: 390, height: 844, isMobile: true, hasTouch: true } };
+const phone = { width: 390, height: 844, isMobile: true, hasTouch: true };
+const sizes = { desk: { width: 1280, height: 800 }, phone };
 
-/** Notes what the page tells its worker: the map as it came, as it is there after all updates, and as the page has it; and
- * the updates before the last whole solve. */
+/** Notes what the page tells its worker: the map as it came, as it is there after all updates, and as the page has it;
+ * and the updates before the last whole solve. */
 function record() {
   const { postMessage } = Worker.prototype;
   Object.assign(window, { updates: 0, redirects: 0 });
@@ -132,16 +158,24 @@ async function change(page, act) {
     && window.mirror.every((texel, k) => texel === window.live[k]));
   return page.evaluate(() => {
     const by = [...window.mirror].map((texel, k) => texel - window.first[k]);
-    return { more: by.filter((x) => x > 0).length, less: by.filter((x) => x < 0).length, sum: by.reduce((sum, x) => sum + x, 0) };
+    const [more, less] = [by.filter((x) => x > 0).length, by.filter((x) => x < 0).length];
+    return { more, less, sum: by.reduce((sum, x) => sum + x, 0) };
   });
 }
 
 /** A pointer over the canvas, at shares of its size: a mouse or a finger. */
 function pointer({ mouse, touchscreen, box }, isTouch) {
   const at = ([x, y]) => [box.x + x * box.width, box.y + y * box.height];
-  return isTouch
-    ? { down: (p) => touchscreen.touchStart(...at(p)), move: (p) => touchscreen.touchMove(...at(p)), up: () => touchscreen.touchEnd() }
-    : { down: (p) => mouse.move(...at(p)).then(() => mouse.down()), move: (p) => mouse.move(...at(p), { steps: 3 }), up: () => mouse.up() };
+  const finger = {
+    down: (place) => touchscreen.touchStart(...at(place)),
+    move: (place) => touchscreen.touchMove(...at(place)),
+    up: () => touchscreen.touchEnd(),
+  };
+  return isTouch ? finger : {
+    down: (place) => mouse.move(...at(place)).then(() => mouse.down()),
+    move: (place) => mouse.move(...at(place), { steps: 3 }),
+    up: () => mouse.up(),
+  };
 }
 
 for (const [name, viewport] of Object.entries(sizes)) {
@@ -179,7 +213,7 @@ async function shot(page) {
   return PNG.sync.read(Buffer.from(await page.screenshot({ clip: page.box })));
 }
 
-/** For each feature of the map as it came, the share of it that is rigid now; and the share of what is rigid beside them. */
+/** For each feature of the map as it came, the share of it that is rigid now; and that of what is rigid beside them. */
 function shares() {
   const { first, mirror } = window;
   const size = Math.sqrt(first.length);
@@ -233,7 +267,8 @@ test("a colour that is picked on the model keeps its shape", { skip, timeout }, 
   await change(page, () => set(page, "tolerance", 0.28));
   const { found, outside } = await page.evaluate(shares);
   // The eyes are features, too, of other colours: the two that are largest.
-  const [eyes, scales] = [[0, 2], [2]].map((part) => found.sort((a, b) => b.area - a.area).slice(...part).map(({ share }) => share));
+  const sorted = found.sort((a, b) => b.area - a.area).map(({ share }) => share);
+  const [eyes, scales] = [sorted.slice(0, 2), sorted.slice(2)];
   assert.ok(scales.length > 60 && Math.min(...scales) > 0.5, `${scales.length} scales, ${Math.min(...scales)}`);
   assert.ok(outside < 0.001 && Math.max(...eyes) < 0.3, `${outside} beside features, ${eyes} of the eyes`);
   // Another tolerance takes the place of the first one, and one step takes it back.
@@ -253,9 +288,11 @@ test("two fingers turn, and what the first one has painted is taken back", { ski
   await tool(page, "paint");
   const still = await shot(page);
   const fingers = await page.createCDPSession();
-  const touch = (type, ...places) => fingers.send("Input.dispatchTouchEvent", {
-    type, touchPoints: places.map(([x, y], id) => ({ id, x: page.box.x + x * page.box.width, y: page.box.y + y * page.box.height })),
-  });
+  const { box } = page;
+  const touch = (type, ...places) => {
+    const touchPoints = places.map(([x, y], id) => ({ id, x: box.x + x * box.width, y: box.y + y * box.height }));
+    return fingers.send("Input.dispatchTouchEvent", { type, touchPoints });
+  };
   const left = await change(page, async () => {
     await touch("touchStart", [0.6, 0.5]);
     await page.waitForFunction("updates > 0");

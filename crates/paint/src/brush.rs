@@ -6,9 +6,6 @@ use std::collections::HashSet;
 type Point = [f32; 3];
 type Uv = [f32; 2];
 
-/// Texels around charts that are painted with them: a texture is filtered over its borders.
-const MARGIN: f32 = 2.0;
-
 /// Coverage by a brush, 0..1, at a distance from its middle in units of its radius; `softness`: the part of the radius
 /// over which it fades out, 0..1.
 #[must_use]
@@ -17,8 +14,7 @@ pub fn cover(distance: f32, softness: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The triangle that a ray hits first, and the place there with the weights of its corners. `corners` tells those of each
-/// triangle.
+/// The triangle that a ray hits first, and the weights of its corners there. `corners` tells those of each triangle.
 pub fn hit(
     (from, way): (Point, Point),
     triangles: usize,
@@ -63,10 +59,11 @@ pub fn disc<'a>(
 }
 
 /// Tells the texels of a map that are seen on a triangle within `radius` of a point, each with its distance in units of
-/// the radius, some more than once. The map, of `size` texels, is looked up through a redirection: `delta` tells that of
-/// a column and a row of `grid` texels. Both have their first row at v = 1.
+/// the radius, some more than once. The map, of `size` texels, is looked up through a redirection: `delta` tells that
+/// of a column and a row of `grid` texels. Both have their first row at v = 1. `margin`: texels around the triangle
+/// that are its own, too, as beside a chart, whose texture is filtered over its border.
 pub fn fill(
-    (corners, uvs): ([Point; 3], [Uv; 3]),
+    (corners, uvs, margin): ([Point; 3], [Uv; 3], f32),
     (centre, radius): (Point, f32),
     size: [usize; 2],
     (grid, delta): ([usize; 2], impl Fn(usize, usize) -> Uv),
@@ -74,6 +71,8 @@ pub fn fill(
 ) {
     let texels =
         |uv: Uv, size: [usize; 2]| [uv[0] * size[0] as f32 - 0.5, (1.0 - uv[1]) * size[1] as f32 - 0.5];
+    // Rounding leaves no gaps between triangles.
+    let margin = margin.max(0.01);
     // Heights of the triangle over its sides, in texels, tell how much weight lies in the margin.
     let own = uvs.map(|uv| texels(uv, size));
     let area = double_area(own);
@@ -81,14 +80,14 @@ pub fn fill(
         return;
     }
     let side = |[a, b]: [Uv; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    let least: [f32; 3] = from_fn(|k| -MARGIN * side([own[(k + 1) % 3], own[(k + 2) % 3]]) / area.abs());
+    let least: [f32; 3] = from_fn(|k| -margin * side([own[(k + 1) % 3], own[(k + 2) % 3]]) / area.abs());
     let [start, stop] = ends(own);
-    let is_near = |on: Uv| (0..2).all(|c| on[c] >= start[c] - MARGIN && on[c] <= stop[c] + MARGIN);
+    let is_near = |on: Uv| (0..2).all(|c| on[c] >= start[c] - margin && on[c] <= stop[c] + margin);
     let [low, high] = reach(centre, radius, corners, uvs.map(|uv| texels(uv, grid)));
-    let margin: [f32; 2] = from_fn(|c| MARGIN * grid[c] as f32 / size[c] as f32);
+    let beside: [f32; 2] = from_fn(|c| margin * grid[c] as f32 / size[c] as f32);
     // From one texel before the first, since cells lie between the centres of texels.
     let end = |c: usize, at: f32| (at.floor().clamp(-1.0, grid[c] as f32 - 1.0)) as isize;
-    let [columns, rows] = [0, 1].map(|c| end(c, low[c] - margin[c])..=end(c, high[c] + margin[c]));
+    let [columns, rows] = [0, 1].map(|c| end(c, low[c] - beside[c])..=end(c, high[c] + beside[c]));
     // A point of the redirection's grid, on the surface and in the map.
     let node = |x: isize, y: isize| {
         let [i, j] = [(x, grid[0]), (y, grid[1])].map(|(k, n)| k.clamp(0, n as isize - 1) as usize);

@@ -1,5 +1,5 @@
-//! Rigidity maps from a texture and from a brush, for programs in which artists paint: the viewer, and web pages through
-//! the npm package. Maps have 8 bits, 255 = rigid, and any row first, as the texture has.
+//! Rigidity maps from a texture and from a brush, for programs in which artists paint: the viewer, and web pages by the
+//! npm package. Maps have 8 bits, 255 = rigid, and any row first, as the texture has.
 //!
 //! The definitions are those of `bindings/python/src/vrtm/rigidity.py`. `agreed.txt`, which the tests of both read, has
 //! results of that.

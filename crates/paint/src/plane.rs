@@ -96,6 +96,9 @@ pub fn blocks([width, height]: [usize; 2], side: usize, value: impl Fn(usize) ->
 /// A map in another size: means of blocks, then bilinear interpolation.
 #[must_use]
 pub fn fitted(map: &[u8], from: [usize; 2], to: [usize; 2]) -> Vec<u8> {
+    if from == to {
+        return map.to_vec();
+    }
     Plane::of_map(map, from).smaller(to[0].max(to[1])).fitted(to).to_map()
 }
 

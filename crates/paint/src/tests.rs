@@ -111,7 +111,9 @@ impl Sheets {
         let mut all = vec![9.0f32; SIZE[0] * SIZE[1]];
         for k in under {
             let corners = vertices(k).map(|v| self.positions[v as usize]);
-            fill((corners, self.triangles[k].1), ball, SIZE, (grid, |_, _| delta), |texel, away| {
+            let is_beside = |&v: &u32| v % (SIDE + 1) == SIDE / 2;
+            let margin = if vertices(k).iter().filter(|v| is_beside(v)).count() > 1 { 2.0 } else { 0.0 };
+            fill((corners, self.triangles[k].1, margin), ball, SIZE, (grid, |_, _| delta), |texel, away| {
                 all[texel] = all[texel].min(away);
             });
         }

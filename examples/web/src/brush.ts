@@ -56,7 +56,13 @@ export function under({ ray, redirected, pixel }: Sight, parts: Part[]): Hit | u
 }
 
 /** Paints around a hit, with a radius in pixels; returns what changed. */
-export function dab({ part, redirected, pixel, ...hit }: Hit, touched: Map<Part, Touched>, radius: number, softness: number, target: number): Rect | undefined {
+export function dab(
+  { part, redirected, pixel, ...hit }: Hit,
+  touched: Map<Part, Touched>,
+  radius: number,
+  softness: number,
+  target: number,
+): Rect | undefined {
   const { rigidity: map, size } = part;
   const known: Touched = touched.get(part) ?? { before: map.slice(), cover: new Float32Array(map.length) };
   const { before, cover } = known;

@@ -25,8 +25,9 @@ const CONTROLS = `
     <label><input type="radio" name="tool" value="pick" /><span>This colour keeps its shape</span></label>
   </fieldset>
   <label class="slide brush">Size <input type="range" name="radius" min="4" max="120" value="28" /></label>
-  <label class="slide brush">Softness <input type="range" name="softness" min="0" max="1" step="0.05" value="0.4" /></label>
-  <label class="slide pick">Colours alike <input type="range" name="tolerance" min="0.02" max="0.8" step="0.02" value="0.2" /></label>
+  <label class="slide brush">Softness <input type="range" name="softness" max="1" step="0.05" value="0.4" /></label>
+  <label class="slide pick">Colours alike
+    <input type="range" name="tolerance" min="0.02" max="0.8" step="0.02" value="0.2" /></label>
   <p><button type="button" name="undo">Undo</button> <button type="button" name="redo">Redo</button>
     <button type="button" name="clear">Clear</button></p>
   <p class="texture">From the texture: <button type="button" name="bright">Bright</button>
@@ -68,9 +69,9 @@ export function mount(panel: HTMLElement, stage: Stage, host: Host) {
   function show(): void {
     input("undo").disabled = steps.done.length === 0;
     input("redo").disabled = steps.undone.length === 0;
-    for (const [kind, tools] of [["brush", ["paint", "erase"]], ["pick", ["pick"]]] as const) {
-      panel.querySelectorAll<HTMLElement>(`.${kind}`).forEach((row) => (row.hidden = !(tools as readonly string[]).includes(tool)));
-    }
+    const isBrush = tool === "paint" || tool === "erase";
+    panel.querySelectorAll<HTMLElement>(".brush").forEach((row) => (row.hidden = !isBrush));
+    panel.querySelector<HTMLElement>(".pick")!.hidden = tool !== "pick";
     panel.querySelector<HTMLElement>(".texture")!.hidden = !host.open()?.parts.some(({ texture }) => texture);
   }
 
@@ -175,7 +176,9 @@ export function mount(panel: HTMLElement, stage: Stage, host: Host) {
 
   /** Adds what a texture tells. */
   function add(make: (texture: ImageData, part: Part) => Uint8Array): void {
-    whole((part) => part.texture ? make(part.texture, part).map((texel, k) => Math.max(texel, part.rigidity[k])) : undefined);
+    whole((part) => part.texture
+      ? make(part.texture, part).map((texel, k) => Math.max(texel, part.rigidity[k]))
+      : undefined);
   }
 
   function pick(hit: Hit | undefined): void {
@@ -281,20 +284,16 @@ export function mount(panel: HTMLElement, stage: Stage, host: Host) {
       ring(event);
     }
   });
-  for (const name of ["pointerup", "pointercancel", "pointerleave"] as const) {
-    canvas.addEventListener(name, (event) => {
-      if (name !== "pointerleave") {
-        fingers.delete(event.pointerId);
-      }
-      if (stroke?.pointer === event.pointerId && name !== "pointerleave") {
+  for (const name of ["pointerup", "pointercancel"] as const) {
+    canvas.addEventListener(name, ({ pointerId }) => {
+      fingers.delete(pointerId);
+      if (stroke?.pointer === pointerId) {
         end();
-      }
-      if (name !== "pointerup" || event.pointerType === "touch") {
-        ring();
       }
     });
   }
+  canvas.addEventListener("pointerleave", () => ring());
   canvas.addEventListener("click", (event) => tool === "pick" && pick(hitAt(event)));
   show();
-  return { isOn: () => tool !== "turn" };
+  return { isOn: () => tool !== "turn", opened };
 }
