@@ -184,7 +184,7 @@ export function mount(panel: HTMLElement, stage: Stage, host: Host) {
   function pick(hit: Hit | undefined): void {
     const texture = hit?.part.texture;
     if (!hit || !texture) {
-      return;
+      return hit && host.say("This part has no texture that a colour could be picked from.");
     }
     const { source: { flipY }, redirected } = hit.part;
     const turned = ([u, v]: number[]) => (flipY ? [u, v] : [u, 1 - v]);
