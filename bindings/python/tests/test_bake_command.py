@@ -223,6 +223,7 @@ def test_bad_input(scene: Path, tmp_path: Path) -> None:
         ([*good, "--mask", blocked], str(blocked)),
         ([*good, "--rigidity-primvar", "x"], "--rigidity"),
         ([*good, "--more", "'unclosed"], "--more"),
+        ([*good, "--settings", tmp_path / "none.txt"], "none.txt"),
         ([*good, "--report", blocked / "r.json"], "r.json"),
         ([*good, "--form", "tile", *layer], "use 'udim'"),
         ([*good, "--layer", tmp_path / "l.txt"], "l.txt: its name must end in one of .usda"),
@@ -309,8 +310,11 @@ def test_messages(scene: Path, tmp_path: Path) -> None:
     assert told == ["0.0", "20.0", "40.0", "60.0", "80.0", "100.0"]
     ended = run(*sheet_arguments(scene, tmp_path / "e", "--openjd", "--tiles", 1099), expect=2)
     assert "openjd_fail: --tiles" in ended.stdout
-    more = run(*sheet_arguments(scene, tmp_path / "f", "--more=--half --name '<kind> <UDIM> <frame>.exr' --frames 2"))
-    assert written(more) == (2, 0) and sorted(files(tmp_path / "f"))[0] == "redirect 1001 0002.exr"
+    further, settings = "--half --name '<kind> <UDIM> <frame>.exr' --frames", tmp_path / "settings.txt"
+    settings.write_text(f"{further}\n1-5\n")
+    for k, given in enumerate([[f"--more={further} 2"], ["--settings", settings, "--frames", 2]]):
+        more = run(*sheet_arguments(scene, tmp_path / f"f{k}", *given))
+        assert written(more) == (2, 0) and sorted(files(tmp_path / f"f{k}"))[0] == "redirect 1001 0002.exr"
 
 
 def test_names_that_are_not_ascii(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import vrtm
@@ -70,11 +71,13 @@ def _run(given: list[str]) -> int:
     template.add_argument("--carry", action="store_true", help="with steps that carry geometry on the surface")
     commands.add_parser("devices", help="list what can compute", description="Lists the CPU and all GPUs.")
     parsed = parser.parse_args(given)
-    if parsed.command == "bake" and parsed.more:
+    if parsed.command == "bake" and (parsed.more or parsed.settings):
         try:
-            parsed = parser.parse_args([*given, *shlex.split(" ".join(parsed.more))])
-        except ValueError as error:
-            bake.error(f"--more: {error}")
+            # Of an option that is given twice, the last one holds: that of the command line.
+            inside = shlex.split(Path(parsed.settings).read_text("utf-8")) if parsed.settings else []
+            parsed = parser.parse_args([*given[:1], *inside, *given[1:], *shlex.split(" ".join(parsed.more or []))])
+        except (OSError, ValueError) as error:
+            bake.error(f"--settings or --more: {error}")
     if parsed.command == "farm-template":
         if parsed.slurm and (parsed.no_layer or parsed.carry):
             template.error("--slurm takes what to write from the options of the bake")
