@@ -301,14 +301,14 @@ test("its pictures in the documentation", { skip: pictures, timeout }, async () 
   const shown = PNG.sync.read(Buffer.from(await page.screenshot()));
   shown.data.forEach((byte, k) => (shown.data[k] = byte | 3));
   write("web.png", PNG.sync.write(shown, { colorType: 2 }), 200_000);
-  await page.setViewport({ width: 960, height: 600, deviceScaleFactor: 0.75 });
-  const frames = [];
-  for (let k = 0; k < 60; k++) {
-    await page.mouse.move(335 + 200 * Math.cos((2 * Math.PI * k) / 60), 400);
-    await seek(page, k / 10);
+  await page.setViewport({ width: 960, height: 640 });
+  const [frames, shots] = [[], 40];
+  for (let k = 0; k < shots; k++) {
+    await page.mouse.move(335 + 200 * Math.cos((2 * Math.PI * k) / shots), 400);
+    await seek(page, (6 * k) / shots);
     await picture(page);
-    frames.push(Buffer.from(await page.screenshot({ type: "webp", quality: 62 })));
+    frames.push(Buffer.from(await (await page.$("main")).screenshot({ type: "webp", quality: 55 })));
   }
-  write("web.webp", animate(frames, 100), 1_000_000);
+  write("web.webp", animate(frames, 6000 / shots), 1_000_000);
   await page.close();
 });

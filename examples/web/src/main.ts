@@ -12,6 +12,7 @@ import { SCENES, type Scene } from "./scenes.js";
 import { Stage } from "./stage.js";
 import type { Part } from "./state.js";
 import { Loop, measured, percent, words, type Measure } from "./strain.js";
+import { mount as mountTake } from "./take.js";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const { body } = document;
@@ -276,6 +277,7 @@ function start(): void {
   });
   addEventListener("pointerdown", () => message.classList.contains("error") && say(""));
   brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause: () => playing && play(false), say });
+  mountTake(element("take"), () => open);
   hand = hands(stage, {
     isPainting: brush.isOn,
     play: () => play(!playing),
