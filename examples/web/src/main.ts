@@ -87,7 +87,6 @@ async function show(opening: () => Promise<Shown>, kept: Partial<Kept> = {}): Pr
   element<HTMLSelectElement>("scene").value = made.scene;
   stage.show(made.root, kept.view ?? made.direction);
   stage.dress(parts);
-  brush.opened();
   say("One moment: vrtm is solving");
   const grids = await Promise.all(parts.map(({ redirected }) => redirected.asset.grid(0)));
   element("notes").textContent = [...notes, memory(parts, grids)].join(" ");

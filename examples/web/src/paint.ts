@@ -293,7 +293,8 @@ export function mount(panel: HTMLElement, stage: Stage, host: Host) {
     });
   }
   canvas.addEventListener("pointerleave", () => ring());
+  canvas.addEventListener("drawn", opened);
   canvas.addEventListener("click", (event) => tool === "pick" && pick(hitAt(event)));
   show();
-  return { isOn: () => tool !== "turn", opened };
+  return { isOn: () => tool !== "turn" };
 }
