@@ -1,5 +1,5 @@
-// What the page's visitors take along, from its buttons to files that other programs read: pngjs, three.js, Khronos's
-// validator, and `vrtm bake` where VRTM_LIBRARY names a library, and VRTM_PYTHON a Python with what `vrtm[bake]` needs.
+// The page's downloads, from its buttons to files that other programs read: pngjs, three.js, Khronos's validator,
+// and `vrtm bake` where VRTM_LIBRARY names a library, and VRTM_PYTHON a Python with what `vrtm[bake]` needs.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { cpSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";

@@ -1,4 +1,4 @@
-/** What a visitor takes along: files of the frame that is shown, and of the clip that plays. */
+/** Downloads: files of the frame that is shown, and of the clip that plays. */
 import { zipSync, type Zippable } from "three/addons/libs/fflate.module.js";
 import { fitBasis } from "vrtm/three";
 import { exr, png, usda } from "./formats.js";
@@ -116,7 +116,7 @@ async function morphs(open: Open, tick: Tick): Promise<Made> {
   return { files: { "basis.glb": await glb(all, times) }, note: notes.join("; ") };
 }
 
-/** What is painted, with the clip as a USD scene and the page's settings: `vrtm bake` makes the page's maps of them. */
+/** Paint, the clip as a USD scene, and the page's settings, of which `vrtm bake` makes the page's maps. */
 async function settings(open: Open, tick: Tick): Promise<Made> {
   await tick("Writing");
   const { parts } = open;

@@ -215,7 +215,7 @@ void main() {
     }
   };
   const uniforms: Uniforms = { map: { value: sum.texture }, strength: { value: 1 }, wipe: { value: 0 } };
-  // Where nothing says otherwise, UVs are those of the images that are there, as for a `Source`.
+  // By default UVs are those of the images that are there, as for a `Source`.
   const given = { flipY: images.find((image) => image?.isTexture)?.flipY ?? false, ...options };
   const undo = [
     ...[...materials].map((material) => patch(material, uniforms, given)),
