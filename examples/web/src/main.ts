@@ -27,7 +27,6 @@ interface Shown extends Scene {
 let open: Shown | undefined;
 let stage: Stage;
 let hand: ReturnType<typeof hands>;
-let brush: ReturnType<typeof mountPaint>;
 let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** Seconds: of the newest pose, and of the pose that is shown. */
 let [time, shownTime] = [0, 0];
@@ -275,7 +274,7 @@ function start(): void {
     play(true);
   });
   addEventListener("pointerdown", () => message.classList.contains("error") && say(""));
-  brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause: () => playing && play(false), say });
+  const brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause: () => playing && play(false), say });
   mountTake(element("take"), () => open);
   hand = hands(stage, {
     isPainting: brush.isOn,
