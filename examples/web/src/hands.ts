@@ -45,8 +45,8 @@ export function hands(stage: Stage, host: Host) {
     }
   });
 
-  const arrows = ({ key }: KeyboardEvent) => [["ArrowLeft", "ArrowRight"], ["ArrowDown", "ArrowUp"]].map(([less, more]) =>
-    Number(key === more) - Number(key === less));
+  const arrows = ({ key }: KeyboardEvent) =>
+    [["Left", "Right"], ["Down", "Up"]].map(([less, more]) => +(key === `Arrow${more}`) - +(key === `Arrow${less}`));
   handle.addEventListener("keydown", (event) => wipeTo(stage.wipe + 0.02 * arrows(event)[0]));
   canvas.addEventListener("keydown", (event) => {
     const [right, up] = arrows(event);

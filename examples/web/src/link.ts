@@ -69,25 +69,29 @@ export function restroke(text: string, first: Uint8Array, size: number): Uint8Ar
   return to;
 }
 
-const middle = (cell: number, size: number) =>
-  Math.floor(((Math.floor(cell / CELLS) + 0.5) * size) / CELLS) * size + Math.floor((((cell % CELLS) + 0.5) * size) / CELLS);
+function middle(cell: number, size: number): number {
+  const [x, y] = [cell % CELLS, Math.floor(cell / CELLS)].map((at) => Math.floor(((at + 0.5) * size) / CELLS));
+  return y * size + x;
+}
 
 export function write({ view, time, wipe, lines, ...words }: Kept): string {
-  const numbers = { time: time.toFixed(3), view: view.map((x) => x.toFixed(3)).join(), wipe: wipe.toFixed(3), lines: lines ? "1" : "" };
+  const three = (x: number) => x.toFixed(3);
+  const numbers = { time: three(time), view: view.map(three).join(), wipe: three(wipe), lines: lines ? "1" : "" };
   const filled = Object.entries({ ...words, ...numbers }).filter(([, value]) => value !== "");
   return new URLSearchParams(filled).toString().replaceAll("%2C", ",");
 }
 
 export function read(hash: string): Partial<Kept> {
   const given = new URLSearchParams(hash.replace(/^#/, ""));
+  const word = (name: string) => given.get(name) ?? undefined;
   const number = (name: string) => {
     const value = Number(given.get(name) ?? NaN);
     return Number.isFinite(value) ? value : undefined;
   };
   const view = given.get("view")?.split(",").map(Number);
   return {
-    scene: given.get("scene") ?? undefined, look: given.get("look") ?? undefined, compare: given.get("compare") ?? undefined,
-    paint: given.get("paint") ?? undefined, lines: given.has("lines"), time: number("time"), wipe: number("wipe"),
+    scene: word("scene"), look: word("look"), compare: word("compare"), paint: word("paint"),
+    lines: given.has("lines"), time: number("time"), wipe: number("wipe"),
     view: view?.length === 3 && view.every(Number.isFinite) ? view : undefined,
   };
 }

@@ -1,6 +1,6 @@
 /** What the page draws over a material: rigidity, strain, lines of the texture, and rings of the size at rest. */
 import {
-  BufferAttribute, BufferGeometry, DataTexture, DoubleSide, HalfFloatType, LinearFilter, Mesh, MeshStandardMaterial,
+  BufferGeometry, DataTexture, DoubleSide, Float32BufferAttribute, HalfFloatType, LinearFilter, Mesh,
   OrthographicCamera, RedFormat, RepeatWrapping, Scene, ShaderMaterial, Vector4, WebGLRenderTarget, type Texture,
   type WebGLRenderer,
 } from "three";
@@ -24,7 +24,7 @@ const DECLARATIONS = /* glsl */ `
   uniform float look, lines, overlay;
   uniform vec4 rings[6], brush;
 
-  // Largest and smallest change of length: eigenvalues of the metric in the pose relative to that at rest, by painted UV.
+  // Largest and smallest change of length: eigenvalues of the metric in the pose relative to that at rest.
   vec2 strainAt(vec2 uv, mat2 J, vec3 px, vec3 py) {
     // Beside charts it has an alpha of 0.
     vec4 filtered = texture2D(restMetric, vec2(uv.x, 1.0 - uv.y));
@@ -67,13 +67,15 @@ const COLOUR = /* glsl */ `
   if (lines > 0.0) {
     vec2 at = vrtmUv * 40.0, width = fwidth(at);
     vec2 line = smoothstep(width * 1.3, width * 0.3, abs(fract(at - 0.5) - 0.5));
-    diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.005, 0.02, 0.03), 0.8 * max(line.x, line.y) * smoothstep(0.5, 0.2, max(width.x, width.y)));
+    float shown = 0.8 * max(line.x, line.y) * smoothstep(0.5, 0.2, max(width.x, width.y));
+    diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.005, 0.02, 0.03), shown);
   }
 `;
 
 const RINGS = /* glsl */ `
   float ringed = 0.0;
-  for (int k = 0; k < 3; k++) { ringed = max(ringed, ringAt(gl_FragCoord.x >= vrtmWipe && vrtmStrength > 0.5 ? rings[k + 3] : rings[k], seenAt, 1.6)); }
+  bool redirected = gl_FragCoord.x >= vrtmWipe && vrtmStrength > 0.5;
+  for (int k = 0; k < 3; k++) { ringed = max(ringed, ringAt(redirected ? rings[k + 3] : rings[k], seenAt, 1.6)); }
   gl_FragColor.rgb = mix(gl_FragColor.rgb, vec3(0.85, 0.02, 0.03), ringed);
   gl_FragColor.rgb = mix(gl_FragColor.rgb, vec3(1.0), ringAt(brush, seenAt, 1.2));
 `;
@@ -81,7 +83,8 @@ const RINGS = /* glsl */ `
 /** Adds looks to the materials of a part. Their code comes before that of the redirection, whose `vrtmUv` it reads. */
 export function dress(part: Part, renderer: WebGLRenderer) {
   const rigidity = new DataTexture(part.rigidity, part.size, part.size, RedFormat);
-  Object.assign(rigidity, { minFilter: LinearFilter, magFilter: LinearFilter, wrapS: RepeatWrapping, wrapT: RepeatWrapping });
+  rigidity.minFilter = rigidity.magFilter = LinearFilter;
+  rigidity.wrapS = rigidity.wrapT = RepeatWrapping;
   rigidity.needsUpdate = true;
   const metric = { value: null as Texture | null };
   for (const material of new Set(part.meshes.flatMap(({ material }) => material))) {
@@ -116,8 +119,8 @@ function metricOf({ source: { mesh } }: Part, renderer: WebGLRenderer): WebGLRen
   const size = 512;
   const target = new WebGLRenderTarget(size, size, { type: HalfFloatType, depthBuffer: false });
   target.texture.wrapS = target.texture.wrapT = RepeatWrapping;
-  const corners = (values: ArrayLike<number>, of: Uint32Array, width: number) =>
-    new BufferAttribute(Float32Array.from({ length: width * of.length }, (_, k) => values[width * of[Math.floor(k / width)] + (k % width)]), width);
+  const corners = (values: Float32Array, of: Uint32Array, width: number) =>
+    new Float32BufferAttribute([...of].flatMap((n) => [...values.subarray(width * n, width * (n + 1))]), width);
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", corners(mesh.positions, mesh.indices, 3));
   geometry.setAttribute("uv", corners(mesh.uvs, mesh.uvIndices, 2));

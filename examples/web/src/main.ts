@@ -99,7 +99,8 @@ async function show(opening: () => Promise<Shown>, kept: Partial<Kept> = {}): Pr
 function memory(parts: Part[], grids: [number, number][]): string {
   const bytes = parts.reduce((sum, { source: { mesh }, size, redirected: { mapSize } }, k) =>
     sum + 157 * grids[k][0] * grids[k][1] + 116 * (mesh.indices.length / 3) + 8 * mapSize ** 2 + 22 * size ** 2, 0);
-  return `Solved on ${grids.map((grid) => grid.join(" × ")).join(", ")} cells; this takes about ${Math.ceil(bytes / 1e6)} MB.`;
+  const cells = grids.map((grid) => grid.join(" × ")).join(", ");
+  return `Solved on ${cells} cells; this takes about ${Math.ceil(bytes / 1e6)} MB.`;
 }
 
 function close(): void {
@@ -213,8 +214,8 @@ async function copyLink(): Promise<void> {
   const [part] = open!.parts;
   const chosen = (name: string) => document.querySelector<HTMLInputElement>(`[name=${name}]:checked`)!.value;
   const kept: Kept = {
-    scene: open!.scene, time: shownTime, view: stage.view(), look: chosen("look"), compare: stage.compare, wipe: stage.wipe,
-    lines: shared.lines.value > 0, paint: strokes(part.rigidity, open!.first[0], part.size),
+    scene: open!.scene, time: shownTime, view: stage.view(), look: chosen("look"), compare: stage.compare,
+    wipe: stage.wipe, lines: shared.lines.value > 0, paint: strokes(part.rigidity, open!.first[0], part.size),
   };
   history.replaceState(null, "", `#${write(kept)}`);
   await navigator.clipboard?.writeText(location.href).catch(() => undefined);
@@ -237,7 +238,8 @@ function start(): void {
   const prepared = prepare(scene, kept);
   stage = new Stage(element<HTMLCanvasElement>("view"));
   const each = (name: string, call: (value: string) => void) =>
-    document.querySelectorAll<HTMLInputElement>(`[name=${name}]`).forEach((input) => input.addEventListener("change", () => call(input.value)));
+    document.querySelectorAll<HTMLInputElement>(`[name=${name}]`).forEach((input) =>
+      input.addEventListener("change", () => call(input.value)));
   each("look", (value) => look(value as Look));
   each("compare", (value) => {
     stage.compare = body.dataset.compare = value as "wipe" | "side";
@@ -274,7 +276,8 @@ function start(): void {
     play(true);
   });
   addEventListener("pointerdown", () => message.classList.contains("error") && say(""));
-  const brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause: () => playing && play(false), say });
+  const pause = () => playing && play(false);
+  const brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause, say });
   mountTake(element("take"), () => open);
   hand = hands(stage, {
     isPainting: brush.isOn,

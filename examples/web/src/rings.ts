@@ -5,7 +5,8 @@ import type { Ring } from "./scenes.js";
 import type { Part } from "./state.js";
 
 /** The place of a UV of a mesh on the surface in a pose. */
-function placeOf({ mesh: { uvs, uvIndices, indices } }: Part["source"], [u, v]: number[], pose: Float32Array): Vector3 | null {
+function placeOf({ mesh }: Part["source"], [u, v]: number[], pose: Float32Array): Vector3 | null {
+  const { uvs, uvIndices, indices } = mesh;
   for (let k = 0; k < uvIndices.length; k += 3) {
     const [a, b, c] = [0, 1, 2].map((corner) => 2 * uvIndices[k + corner]);
     const [bx, by, cx, cy] = [uvs[b] - uvs[a], uvs[b + 1] - uvs[a + 1], uvs[c] - uvs[a], uvs[c + 1] - uvs[a + 1]];
@@ -33,7 +34,8 @@ export function ring({ source, redirected }: Part, rings: Ring[], pose: Float32A
     }
     [{ x: u, y: v }, at].forEach(({ x, y }, side) => {
       const place = placeOf(source, [x, 1 - y], pose)?.applyMatrix4(world);
-      shared.rings.value[k + 3 * side].set(place?.x ?? 0, place?.y ?? 0, place?.z ?? 0, place ? radius * world.getMaxScaleOnAxis() : 0);
+      const { x: cx, y: cy, z: cz } = place ?? new Vector3();
+      shared.rings.value[k + 3 * side].set(cx, cy, cz, place ? radius * world.getMaxScaleOnAxis() : 0);
     });
   }
 }

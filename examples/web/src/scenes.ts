@@ -1,7 +1,7 @@
-/** Built-in scenes: a puffer fish that is made here, which swims, breathes and has round scales and eyes; and two files. */
+/** Built-in scenes: a puffer fish that is made here, swims, breathes and has round scales and eyes; and two files. */
 import {
-  AnimationClip, BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Group, LinearFilter, LinearMipmapLinearFilter,
-  Mesh, MeshStandardMaterial, NumberKeyframeTrack, RepeatWrapping, SRGBColorSpace, Vector3,
+  AnimationClip, BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, Group, LinearFilter,
+  LinearMipmapLinearFilter, Mesh, MeshStandardMaterial, NumberKeyframeTrack, RepeatWrapping, SRGBColorSpace, Vector3,
   type Object3D,
 } from "three";
 import { mergeGeometries } from "three/addons/utils/BufferGeometryUtils.js";
@@ -23,6 +23,10 @@ interface Pose {
   bend: number;
 }
 type Point = (s: number, t: number, pose: Pose) => Vector3;
+/** Discs of an eye: radii and colours. */
+const EYE = [
+  [1.16, 12, 40, 52], [1, 250, 250, 245], [0.64, 226, 122, 24], [0.56, 246, 160, 44], [0.32, 12, 12, 16],
+];
 const POSES: Pose[] = [{ breath: 0, bend: 0 }, { breath: 1, bend: 0 }, { breath: 0, bend: 1 }];
 const hump = (s: number, skew: number, power: number) => Math.max(Math.sin(Math.PI * s ** skew), 0) ** power;
 const mix = (from: number, to: number, share: number) => from + (to - from) * share;
@@ -83,11 +87,13 @@ function sheet(columns: number, rows: number, at: Point, colour?: (s: number, t:
 
 /** Fins and lips. */
 function trim(): BufferGeometry {
-  const fin = (s: number, t: number) => new Color(0x9c3d12).lerp(new Color(0xf6a93b), 0.15 + 0.6 * s + 0.25 * Math.sin(t * 44));
+  const fin = (s: number, t: number) =>
+    new Color(0x9c3d12).lerp(new Color(0xf6a93b), 0.15 + 0.6 * s + 0.25 * Math.sin(t * 44));
   const ripple = (s: number, t: number) => 0.025 * s * Math.sin(t * 44);
   const tail: Point = (s, t, pose) => {
     const across = 2 * t - 1;
-    return swim(new Vector3(-0.98 - 0.62 * s * (0.72 + 0.28 * across * across), across * (0.07 + 0.44 * s), ripple(s, t)), pose);
+    const length = 0.62 * s * (0.72 + 0.28 * across * across);
+    return swim(new Vector3(-0.98 - length, across * (0.07 + 0.44 * s), ripple(s, t)), pose);
   };
   const ridge = (from: number, to: number, around: number, height: number): Point => (s, t, pose) => {
     const root = body(mix(from, to, t), around, pose);
@@ -103,12 +109,14 @@ function trim(): BufferGeometry {
   const lips: Point = (s, t, pose) => {
     const [round, around] = [2 * Math.PI * s, 2 * Math.PI * t];
     const radius = 0.062 + 0.034 * Math.cos(round);
-    return swim(new Vector3(1.045 - 0.034 * Math.sin(round), -radius * Math.cos(around), 0.9 * radius * Math.sin(around)), pose);
+    const [y, z] = [-radius * Math.cos(around), 0.9 * radius * Math.sin(around)];
+    return swim(new Vector3(1.045 - 0.034 * Math.sin(round), y, z), pose);
   };
-  const throat: Point = (s, t) => new Vector3(1.03, -0.06 * s * Math.cos(2 * Math.PI * t), 0.06 * s * Math.sin(2 * Math.PI * t));
+  const throat: Point = (s, t) =>
+    new Vector3(1.03, -0.06 * s * Math.cos(2 * Math.PI * t), 0.06 * s * Math.sin(2 * Math.PI * t));
   return mergeGeometries([
-    sheet(48, 10, tail, fin), sheet(36, 6, ridge(0.26, 0.58, 0.5, 0.24), fin), sheet(30, 6, ridge(0.16, 0.36, 0, 0.16), fin),
-    sheet(28, 8, side(1), fin), sheet(28, 8, side(-1), fin),
+    sheet(48, 10, tail, fin), sheet(36, 6, ridge(0.26, 0.58, 0.5, 0.24), fin),
+    sheet(30, 6, ridge(0.16, 0.36, 0, 0.16), fin), sheet(28, 8, side(1), fin), sheet(28, 8, side(-1), fin),
     sheet(28, 10, lips, () => new Color(0xc9705f)), sheet(12, 1, throat, () => new Color(0x1a0c0c)),
   ]);
 }
@@ -127,12 +135,13 @@ function paint(): { colour: Uint8ClampedArray; relief: Uint8Array; rigidity: Uin
   for (let k = 0; k < SIZE * SIZE; k++) {
     const [t, s] = [at(k % SIZE), at(Math.floor(k / SIZE))];
     const height = 0.5 - 0.5 * Math.cos(2 * Math.PI * t);
-    const mottle = Math.sin(38 * Math.PI * t + 3 * Math.sin(23 * s)) * Math.sin(61 * s + 2 * Math.sin(14 * Math.PI * t));
+    const [across, along] = [38 * Math.PI * t + 3 * Math.sin(23 * s), 61 * s + 2 * Math.sin(14 * Math.PI * t)];
+    const mottle = Math.sin(across) * Math.sin(along);
     colour.set([mix(150, 22, smooth(0.05, 0.8, height)), mix(196, 78, smooth(0, 0.9, height)) + 9 * mottle,
       mix(188, 104, smooth(0, 0.95, height)) + 9 * mottle, 255], 4 * k);
     relief.set([100 + 6 * mottle, 110, 0, 255], 4 * k);
   }
-  /** Calls back for the texels of a disc that is round on the surface at rest, with the distance as a share of the radius. */
+  /** Calls back for the texels of a disc on the surface at rest, with the distance as a share of the radius. */
   const disc = (s0: number, t0: number, radius: number, put: (k: number, away: number) => void) => {
     const center = body(s0, t0, rest);
     const ring = 2 * Math.PI * Math.max(Math.hypot(center.y, center.z), 0.05);
@@ -173,7 +182,7 @@ function paint(): { colour: Uint8ClampedArray; relief: Uint8Array; rigidity: Uin
   }
   for (const t of [0.29, 0.71]) {
     disc(0.8, t, 0.105, (k, away) => {
-      for (const [edge, ...rgb] of [[1.16, 12, 40, 52], [1, 250, 250, 245], [0.64, 226, 122, 24], [0.56, 246, 160, 44], [0.32, 12, 12, 16]]) {
+      for (const [edge, ...rgb] of EYE) {
         texel(k, rgb, smooth(edge + 0.02, edge - 0.02, away));
       }
       relief[4 * k] = mix(relief[4 * k], 90 + 165 * Math.sqrt(Math.max(1 - away * away, 0)), smooth(1.05, 0.95, away));
@@ -189,9 +198,9 @@ async function puffer(early: Early): Promise<Scene> {
   const { colour, relief, rigidity, scales } = paint();
   const texture = (data: Uint8ClampedArray | Uint8Array) => {
     const made = new DataTexture(data, SIZE, SIZE);
-    Object.assign(made, { magFilter: LinearFilter, minFilter: LinearMipmapLinearFilter, generateMipmaps: true, anisotropy: 4 });
+    Object.assign(made, { magFilter: LinearFilter, minFilter: LinearMipmapLinearFilter, anisotropy: 4 });
     made.wrapS = RepeatWrapping;
-    made.needsUpdate = true;
+    made.generateMipmaps = made.needsUpdate = true;
     return made;
   };
   const [map, surface] = [texture(colour), texture(relief)];
@@ -207,7 +216,8 @@ async function puffer(early: Early): Promise<Scene> {
     const phase = (2 * Math.PI * time) / 6;
     return [smooth(0, 1, 0.5 - 0.62 * Math.cos(phase)), Math.sin(4 * phase)];
   });
-  const tracks = [fish, fins].map(({ name }) => new NumberKeyframeTrack(`${name}.morphTargetInfluences`, times, influences));
+  const tracks = [fish, fins].map(({ name }) =>
+    new NumberKeyframeTrack(`${name}.morphTargetInfluences`, times, influences));
   const direction = [0.21, 0.11, 0.59];
   early(root, direction);
   const redirected = await redirect(fish, {
@@ -267,9 +277,11 @@ type Early = (root: Object3D, direction: number[]) => void;
 export const SCENES: Record<string, [title: string, open: (early: Early) => Promise<Scene>]> = {
   puffer: ["Puffer fish", puffer],
   creature: ["Lizard", () => files("creature", {
-    sentence: "A lizard turns and breathes: with vrtm its scales keep their shape.", direction: [0.5, 0.22, 0.47], rings: [],
+    sentence: "A lizard turns and breathes: with vrtm its scales keep their shape.",
+    direction: [0.5, 0.22, 0.47], rings: [],
   })],
   jug: ["Jug", () => files("jug", {
-    sentence: "A mug becomes a jug: with vrtm its gilded emblems keep their shape.", direction: [0.4, 0.25, 0.88], rings: [],
+    sentence: "A mug becomes a jug: with vrtm its gilded emblems keep their shape.",
+    direction: [0.4, 0.25, 0.88], rings: [],
   })],
 };

@@ -1,12 +1,11 @@
 /** The picture: camera, light, one pane with a wipe or two, rings, and what the pointer is over. */
 import {
   BackSide, Box3, BoxGeometry, DirectionalLight, HemisphereLight, Mesh, MeshBasicMaterial, NeutralToneMapping,
-  PMREMGenerator, PerspectiveCamera, Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer, type Object3D,
-  type Ray, type Texture,
+  PMREMGenerator, PerspectiveCamera, Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer,
+  type Object3D, type Ray, type Texture,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { dress, shared } from "./looks.js";
-import type { Ring } from "./scenes.js";
 import type { Part } from "./state.js";
 
 /** What is seen under a pointer. */
@@ -92,7 +91,7 @@ export class Stage {
     }
   }
 
-  /** Shows another character, as it comes; `direction` is where the camera stands, as a share of its distance at first. */
+  /** Shows another character, as it comes; `direction` is the place of the camera, a share of its usual distance. */
   show(root: Object3D, direction: number[]): void {
     this.close();
     this.#root = root;
@@ -159,7 +158,7 @@ export class Stage {
     const box = this.canvas.getBoundingClientRect();
     const [x, y] = [clientX - box.left, clientY - box.top];
     const panes = this.#panes();
-    const k = panes.findIndex(([left, top, width, height]) => x >= left && x < left + width && y >= top && y < top + height);
+    const k = panes.findIndex(([left, top, w, h]) => x >= left && x < left + w && y >= top && y < top + h);
     if (k < 0) {
       return null;
     }

@@ -14,7 +14,7 @@ export function measured(parts: Part[]): Measure | null {
   const weights = known.map(({ rigidity, size }) => rigidity.reduce((sum, x) => sum + x, 0) / (size * size));
   const sum = weights.reduce((a, b) => a + b, 0);
   const mean = (of: (report: Report) => Strain) =>
-    Math.sqrt(known.reduce((total, { redirected }, k) => total + weights[k] * of(redirected.report!).rms ** 2, 0) / sum);
+    Math.sqrt(known.reduce((all, { redirected }, k) => all + weights[k] * of(redirected.report!).rms ** 2, 0) / sum);
   return sum > 0 ? { before: mean(({ strain }) => strain!.before), after: mean(({ strain }) => strain!.after) } : null;
 }
 
