@@ -1,8 +1,9 @@
-// Files of visitors: odd ones that are made here, and public characters of the folder VRTM_GLTF.
+// Files of visitors: odd ones that are made here, and public characters of the folder VRTM_GLTF. `npm run page` comes
+// first.
 import assert from "node:assert/strict";
-import { cpSync, existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { dirname, join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
@@ -84,8 +85,16 @@ async function said(page) {
   return page.evaluate(() => {
     const said = document.body.dataset.said;
     delete document.body.dataset.said;
-    return { said, ...globalThis.open && { notes: globalThis.open.notes, parts: globalThis.open.parts.length, clip: globalThis.open.clip?.name } };
+    const { notes, parts, clip } = globalThis.open.parts ? globalThis.open : { parts: [] };
+    return { said, notes, parts: parts.length, clip: clip?.name };
   });
+}
+/** Keeps a picture in the folder VRTM_SHOTS, to be looked at. */
+async function keep(page, name) {
+  const folder = process.env.VRTM_SHOTS;
+  if (folder) {
+    writeFileSync(join(folder, `${name.replaceAll(" ", "_")}.png`), await page.screenshot());
+  }
 }
 const red = [190, 30, 30];
 /** Strain of the discs at a share of the clip: the least before and the largest after of all parts. */
@@ -101,7 +110,8 @@ const float = (given, name, of) => ({ ...given, [name]: [given[name][0].map(of),
 const SAME = {
   quantised() {
     const model = sheet({ encode: (model, name, [array, size]) => {
-      const [Kind, most] = { POSITION: [Int16Array, 32767], NORMAL: [Int8Array, 127], JOINTS_0: [Uint8Array, 1] }[name] ?? [Uint16Array, 65535];
+      const kinds = { POSITION: [Int16Array, 32767], NORMAL: [Int8Array, 127], JOINTS_0: [Uint8Array, 1] };
+      const [Kind, most] = kinds[name] ?? [Uint16Array, 65535];
       // Vertices begin at multiples of four bytes.
       const stride = Math.ceil((size * Kind.BYTES_PER_ELEMENT) / 4) * 4;
       const apart = stride / Kind.BYTES_PER_ELEMENT;
@@ -167,7 +177,8 @@ const SAME = {
     return model;
   },
   "its colour in the second UV set"() {
-    const model = sheet({ change: ({ TEXCOORD_0, ...given }) => ({ ...given, TEXCOORD_0: [new Float32Array(TEXCOORD_0[0].length), 2], TEXCOORD_1: TEXCOORD_0 }) });
+    const model = sheet({ change: ({ TEXCOORD_0, ...given }) =>
+      ({ ...given, TEXCOORD_0: [new Float32Array(TEXCOORD_0[0].length), 2], TEXCOORD_1: TEXCOORD_0 }) });
     model.json.materials[0].pbrMetallicRoughness.baseColorTexture.texCoord = 1;
     return model;
   },
@@ -181,7 +192,8 @@ const SAME = {
   "UVs three tiles away": () => sheet({ change: (given) => float(given, "TEXCOORD_0", (x, k) => (k % 2 ? x : x + 3)) }),
   "vertices split at each corner"() {
     const { index: [index], ...given } = attributes();
-    const split = ([array, size]) => [array.constructor.from([...index].flatMap((v) => [...array.subarray(size * v, size * v + size)])), size];
+    const split = ([array, size]) =>
+      [array.constructor.from([...index].flatMap((v) => [...array.subarray(size * v, size * v + size)])), size];
     return sheet({ change: () => ({ ...Object.fromEntries(Object.entries(given).map(([name, value]) => [name, split(value)])),
       index: [index.map((_, k) => k), 1] }) });
   },
@@ -193,7 +205,8 @@ const SAME = {
   "cameras and lights"() {
     const model = sheet();
     model.add("cameras", { type: "perspective", perspective: { yfov: 1, znear: 0.1 } });
-    Object.assign(model.json, { extensions: { KHR_lights_punctual: { lights: [{ type: "point" }] } }, extensionsUsed: ["KHR_lights_punctual"] });
+    model.json.extensions = { KHR_lights_punctual: { lights: [{ type: "point" }] } };
+    model.json.extensionsUsed = ["KHR_lights_punctual"];
     model.json.scenes[0].nodes.push(model.add("nodes", { camera: 0, extensions: { KHR_lights_punctual: { light: 0 } } }));
     return model;
   },
@@ -215,7 +228,7 @@ test("files say the same in many ways", { skip, timeout }, async (t) => {
       assert.deepEqual([said, parts, notes.length], ["open", 1, 1], `${notes}`);
       const found = await strain(name.includes("morph") ? 0.5 : 0.99);
       assert.ok(Math.abs(found[0] - before) < 0.02 && found[1] < 0.02, `${found}`);
-      if (process.env.VRTM_SHOTS) writeFileSync(`${process.env.VRTM_SHOTS}/${name.replaceAll(" ", "_")}.png`, await page.screenshot());
+      await keep(page, name);
     });
   }
 });
@@ -238,7 +251,7 @@ const REFUSED = [
   ["a missing buffer", () => ({ "sheet.gltf": separate(sheet())["sheet.gltf"] }), /^sheet.gltf needs buffers\/sheet.bin: drop all/],
   ["an unknown extension", () => changed((json) => (json.extensionsUsed = json.extensionsRequired = ["ACME_voxels"])),
     /^odd.glb needs ACME_voxels, which/],
-  ["too many vertices", () => changed((json) => (json.accessors[1].count = 9e6)), /odd.glb has 9,000,000 vertices: this device opens up to 500,000\.$/],
+  ["too many vertices", () => changed((json) => (json.accessors[1].count = 9e6)), /odd.glb has 9,000,000 vertices: this device opens up to 500,000 vertices\.$/],
   ["lines", () => changed((json) => (json.meshes[0].primitives[0].mode = 1)), /^It has no mesh: points, lines/],
   ["no mesh", () => changed((json) => (json.scenes[0].nodes = [1, 2])), /^It has no mesh/],
   ["no UVs", () => changed((json) => delete json.meshes[0].primitives[0].attributes.TEXCOORD_0), /^It has no UVs/],
@@ -248,10 +261,15 @@ const REFUSED = [
 ];
 /** Files that open, with what is said of them: parts, clip and a note. */
 const OPENED = [
-  ["buffers and images beside it", () => ({ ...separate(sheet({ image: { uri: "./textures/red%20discs.png" } })), "red discs.png": picture() }), 1, "stretch", /^For this device/],
-  ["a missing image", () => separate(sheet({ image: { uri: "discs.png" } })), 1, "stretch", /^Without discs.png: drop such files together/],
-  ["a broken image", () => changed((json) => (json.images = [{ uri: "data:image/png;base64,AAAA" }])), 1, "stretch", /^1 of its textures cannot be read/],
-  ["no textures", () => changed((json) => delete json.materials[0].pbrMetallicRoughness.baseColorTexture), 1, "stretch", /no textures: it is shown with a pattern/],
+  ["buffers and images beside it", () => {
+    const model = sheet({ image: { uri: "./textures/red%20discs.png" } });
+    return { ...separate(model), "red discs.png": picture() };
+  }, 1, "stretch", /^For this device/],
+  ["a missing image", () => separate(sheet({ image: { uri: "discs.png" } })), 1, "stretch", /^Without discs.png: drop/],
+  ["a broken image", () => changed((json) => (json.images = [{ uri: "data:image/png;base64,AAAA" }])),
+    1, "stretch", /^1 of its textures cannot be read/],
+  ["no textures", () => changed((json) => delete json.materials[0].pbrMetallicRoughness.baseColorTexture),
+    1, "stretch", /no textures: it is shown with a pattern/],
   ["nothing that moves", () => ({ "odd.glb": sheet({ moves: "nothing" }).glb() }), 1, undefined, /it does not move/],
   ["morph targets without a clip", () => ({ "odd.glb": sheet({ moves: "morph" }).glb() }), 1, "morph targets in turn", /^For this device/],
   ["a second mesh without UVs", () => changed((json) => {
@@ -292,9 +310,32 @@ test("what opens in part is told, too", { skip, timeout }, async (t) => {
       const [before, after] = await strain(clip === "stretch" ? 0.99 : 0.5);
       // The pattern has other discs.
       assert.ok(notes.some((note) => /pattern/.test(note)) || !clip || (before > 0.25 && after < before / 4), `${before} -> ${after}`);
-      if (process.env.VRTM_SHOTS) writeFileSync(`${process.env.VRTM_SHOTS}/${name.replaceAll(" ", "_")}.png`, await page.screenshot());
+      await keep(page, name);
     });
   }
+});
+
+/** Drops a file or folder of this machine on the page. */
+async function drop(page, path) {
+  const session = await page.createCDPSession();
+  const data = { items: [], files: [path], dragOperationsMask: 1 };
+  for (const type of ["dragEnter", "dragOver", "drop"]) {
+    await session.send("Input.dispatchDragEvent", { type, x: 200, y: 300, data });
+  }
+}
+
+test("a folder is dropped, with buffers and images in folders of their own", { skip, timeout }, async () => {
+  const model = sheet({ image: { uri: "../textures/red%20discs.png" } });
+  const { json, bin } = model.parts("../buffers/sheet.bin");
+  const files = { "scene/sheet.gltf": json, "buffers/sheet.bin": bin, "textures/red discs.png": picture(), "sheet.bin": "another" };
+  for (const [name, bytes] of Object.entries(files)) {
+    mkdirSync(dirname(join(folder, "dropped", name)), { recursive: true });
+    writeFileSync(join(folder, "dropped", name), bytes);
+  }
+  await drop(page, join(folder, "dropped"));
+  assert.deepEqual(await said(page).then(({ said, notes, clip }) => [said, notes.length, clip]), ["open", 1, "stretch"]);
+  const [before, after] = await strain();
+  assert.ok(before > 0.3 && after < 0.02, `${before} -> ${after}`);
 });
 
 test("fifty files and a thousand poses leave nothing behind", { skip, timeout }, async () => {
@@ -306,7 +347,10 @@ test("fifty files and a thousand poses leave nothing behind", { skip, timeout },
     return { ...counted, bytes: (await page.metrics()).JSHeapUsedSize };
   };
   const names = Object.keys(SAME);
-  const open = async (k) => assert.equal((await choose({ "sheet.glb": SAME[names[k % names.length]]().glb() }, page)).said, "open");
+  const open = async (k) => {
+    const model = SAME[names[k % names.length]]();
+    assert.equal((await choose(k % 5 ? { "sheet.glb": model.glb() } : separate(model), page)).said, "open");
+  };
   const states = [];
   for (let k = 0; k < 50; k++) {
     await open(k);
@@ -338,15 +382,6 @@ const PUBLIC = {
   "Michelle.glb": [14.6, [90, 190, 205]],
   "Crab.glb": [0.25, [40, 90, 120]],
 };
-
-/** Drops a file or folder of this machine on the page. */
-async function drop(page, path) {
-  const session = await page.createCDPSession();
-  const data = { items: [], files: [path], dragOperationsMask: 1 };
-  for (const type of ["dragEnter", "dragOver", "drop"]) {
-    await session.send("Input.dispatchDragEvent", { type, x: 200, y: 300, data });
-  }
-}
 
 for (const [width, height, memory] of [[390, 844, 4], [1280, 800, 8]]) {
   test(`public characters dropped on the page are painted by colour and play at ${width} x ${height}`, { skip, timeout }, async (t) => {
@@ -382,9 +417,7 @@ for (const [width, height, memory] of [[390, 844, 4], [1280, 800, 8]]) {
           slider.dispatchEvent(new Event("input"));
         }, time, colour);
         await page.waitForSelector("body[data-state=still][data-solved=normal]");
-        if (process.env.VRTM_SHOTS) {
-          writeFileSync(join(process.env.VRTM_SHOTS, `${name}_${width}.png`), await page.screenshot());
-        }
+        await keep(page, `${name} ${width}`);
         const reports = await page.evaluate("character.parts.map(({ redirected }) => redirected.report.strain)");
         const parts = await measured(page);
         reports.forEach(({ before, after }, k) => {

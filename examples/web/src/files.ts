@@ -9,7 +9,7 @@ export interface Named {
   file: File;
 }
 
-/** What a device bears: bytes of files, vertices, texels of all textures, parts (each has a worker with some 50 MB), texels
+/** What a device bears: bytes of files, vertices, texels of all textures, parts (each has a worker), texels
  * of a rigidity and a map along each side, and cells of the grid. */
 const LIMITS = {
   desk: { bytes: 400e6, vertices: 500_000, texels: 2 ** 27, parts: 8, size: 1024, map: 512, grid: 512 },
@@ -59,6 +59,8 @@ async function walk(entry: FileSystemEntry | File | null): Promise<Named[]> {
 }
 
 export const list = (names: Iterable<string>) => [...new Set(names)].join(", ");
+export const tooLarge = (name: string, is: number, most: number, what: string) =>
+  new Error(`${name} has ${count(is, what)}: this device opens up to ${count(most, what)}.`);
 export const count = (n: number, what: string) => `${n.toLocaleString("en")} ${what}`;
 /** Reads a glTF, with the files that it names. */
 export async function load({ path, file }: Named, files: Named[], notes: string[]): Promise<GLTF> {
@@ -67,14 +69,16 @@ export async function load({ path, file }: Named, files: Named[], notes: string[
   let unread = 0;
   let parser: GLTFParser | undefined;
   const manager = new LoadingManager(undefined, undefined, () => unread++);
+  const root = (path: string) => new URL(path.split("/").map(encodeURIComponent).join("/").replace(/^\/*/, "file:///"));
   manager.setURLModifier((url) => {
     if (/^(data|blob):/.test(url)) {
       return url;
     }
-    const name = decodeURIComponent(url).replace(/^(\.?\/)+/, "");
-    const place = path.replace(/[^/]*$/, "") + name;
-    const base = name.split("/").at(-1);
-    const found = files.find(({ path }) => path === place) ?? files.find(({ file }) => file.name === base);
+    const name = decodeURIComponent(url).replace(/^\.\//, "");
+    const place = decodeURIComponent(new URL(url, root(path)).pathname);
+    const base = place.split("/").at(-1);
+    const found = files.find(({ path }) => decodeURIComponent(root(path).pathname) === place)
+      ?? files.find(({ file }) => file.name === base);
     if (!found) {
       missing.push(name);
       return "data:,";
@@ -87,20 +91,21 @@ export async function load({ path, file }: Named, files: Named[], notes: string[
   const check = async (): Promise<void> => {
     const { json, extensions, plugins, options } = parser!;
     const known: object = { ...extensions, ...plugins };
-    const unknown = (json.extensionsRequired ?? []).filter((name: string) => !(name in known) || name === "KHR_texture_basisu");
+    const unknown = (json.extensionsRequired ?? []).filter((name: string) =>
+      !(name in known) || name === "KHR_texture_basisu");
     if (unknown.length > 0) {
       throw new Error(`${file.name} needs ${list(unknown)}, which this page cannot read: export it without.`);
     }
-    const primitives = (json.meshes ?? []).flatMap(({ primitives }: { primitives: unknown[] }) => primitives);
-    const vertices = new Set<number>(primitives.map(({ attributes }: { attributes: { POSITION: number } }) => attributes.POSITION));
+    const meshes: { primitives: { attributes: { POSITION: number } }[] }[] = json.meshes ?? [];
+    const vertices = new Set(meshes.flatMap(({ primitives }) => primitives.map(({ attributes }) => attributes.POSITION)));
     const total = [...vertices].reduce((sum, k) => sum + (json.accessors?.[k]?.count ?? 0), 0);
     if (total > limits().vertices) {
-      throw new Error(`${file.name} has ${count(total, "vertices")}: this device opens up to ${count(limits().vertices, "")}`.trim() + ".");
+      throw tooLarge(file.name, total, limits().vertices, "vertices");
     }
     if (json.extensionsUsed?.some((name: string) => name.endsWith("_meshopt_compression"))) {
       // Its types are in a package of their own.
-      const { MeshoptDecoder } = (await import("three/addons/libs/meshopt_decoder.module.js")) as unknown as Record<string, unknown>;
-      Object.assign(options, { meshoptDecoder: MeshoptDecoder });
+      const module: object = await import("three/addons/libs/meshopt_decoder.module.js");
+      Object.assign(options, { meshoptDecoder: (module as Record<string, unknown>).MeshoptDecoder });
     }
   };
   const loader = new GLTFLoader(manager).setDRACOLoader(draco).register((made) => {

@@ -1,4 +1,4 @@
-/** Mirrored halves and twins have one place in the texture, but move apart: each needs a map, and so a mesh, of its own. */
+/** Mirrored halves and twins have one place in the texture, but move apart: each needs a mesh with a map of its own. */
 import { BufferAttribute, BufferGeometry, type Mesh, type Vector2Like } from "three";
 import { Source } from "vrtm/three";
 
@@ -80,7 +80,8 @@ export function layers(meshes: Mesh[], channel: number): Mesh[][] {
   const over = new Set(above);
   const pick = (of: Chart[], mesh: number) =>
     of.flatMap(({ triangles }) => triangles.flatMap((triangle) => (triangle.mesh === mesh ? triangle.corners : [])));
-  const [lower, upper] = [[...charts.values()].filter((chart) => !over.has(chart)), above].map((of) => meshes.map((_, k) => pick(of, k)));
+  const below = [...charts.values()].filter((chart) => !over.has(chart));
+  const [lower, upper] = [below, above].map((of) => meshes.map((_, k) => pick(of, k)));
   const twins = meshes.map((mesh, k) => {
     if (upper[k].length === 0 || lower[k].length === 0) {
       return upper[k].length > 0 ? mesh : null;
@@ -100,8 +101,7 @@ export function layers(meshes: Mesh[], channel: number): Mesh[][] {
 /** Other triangles of the same vertices. */
 function indexed(geometry: BufferGeometry, corners: number[]): BufferGeometry {
   const made = new BufferGeometry();
-  Object.assign(made, {
-    attributes: geometry.attributes, morphAttributes: geometry.morphAttributes, morphTargetsRelative: geometry.morphTargetsRelative,
-  });
+  const { attributes, morphAttributes, morphTargetsRelative } = geometry;
+  Object.assign(made, { attributes, morphAttributes, morphTargetsRelative });
   return made.setIndex(new BufferAttribute(Uint32Array.from(corners), 1));
 }

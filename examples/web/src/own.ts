@@ -1,10 +1,10 @@
 /** The visitor's own character, from a glTF file. */
 import {
-  AnimationClip, AnimationMixer, DataTexture, LinearFilter, LinearMipmapLinearFilter, NumberKeyframeTrack, RepeatWrapping,
-  SRGBColorSpace, type Material, type Mesh, type Object3D, type SkinnedMesh, type Texture,
+  AnimationClip, AnimationMixer, DataTexture, LinearFilter, LinearMipmapLinearFilter, NumberKeyframeTrack,
+  RepeatWrapping, SRGBColorSpace, type Material, type Mesh, type MeshStandardMaterial, type Object3D, type SkinnedMesh, type Texture,
 } from "three";
 import { redirect } from "vrtm/three";
-import { count, limits, list, load, type Named } from "./files.js";
+import { count, limits, list, load, tooLarge, type Named } from "./files.js";
 import { layers } from "./layers.js";
 import type { Open, Part } from "./state.js";
 
@@ -16,16 +16,17 @@ export interface Own extends Open {
 
 const isMesh = (object: Object3D): object is Mesh => (object as Mesh).isMesh === true;
 
-/** Opens a character. Errors are sentences for the visitor; whoever calls closes what was open before, with `dispose`. */
+/** Opens a character. Errors are sentences for the visitor. What was open before is closed by `dispose`, after this. */
 export async function openFiles(files: Named[]): Promise<Own> {
   const main = files.find(({ path }) => /\.(glb|gltf|vrm)$/i.test(path));
   if (!main) {
-    throw new Error(`${list(files.map(({ file }) => file.name)) || "This"} is no glTF: a file that ends in .glb or .gltf is needed.`);
+    const names = list(files.map(({ file }) => file.name)) || "This";
+    throw new Error(`${names} is no glTF: a file that ends in .glb or .gltf is needed.`);
   }
   const { bytes, texels, parts: most, size, map, grid } = limits();
   const sum = files.reduce((sum, { file }) => sum + file.size, 0);
   if (sum > bytes) {
-    throw new Error(`${main.file.name} has ${count(Math.ceil(sum / 1e6), "MB")}: this device opens up to ${count(bytes / 1e6, "MB")}.`);
+    throw tooLarge(main.file.name, Math.ceil(sum / 1e6), bytes / 1e6, "MB");
   }
   const notes: string[] = [];
   const { scene: root, animations: clips } = await load(main, files, notes);
@@ -34,10 +35,11 @@ export async function openFiles(files: Named[]): Promise<Own> {
     const groups = group(root, notes);
     const all = images(root).reduce((sum, { width, height }) => sum + width * height, 0);
     if (all > texels) {
-      throw new Error(`Its textures have ${count(Math.ceil(all / 1e6), "million texels")}: this device opens up to ${count(Math.floor(texels / 1e6), "million")}.`);
+      throw tooLarge(main.file.name, Math.ceil(all / 1e6), Math.floor(texels / 1e6), "million texels");
     }
     if (groups.length > most) {
-      notes.push(`${groups.length - most} of its ${groups.length} parts are drawn as they are: this device redirects ${most}.`);
+      const [rest, all] = [groups.length - most, groups.length];
+      notes.push(`${rest} of its ${all} parts are drawn as they are: this device redirects ${most}.`);
     }
     const sizes = groups.map(({ map: { image } }) => {
       const { width, height } = image as ImageBitmap;
@@ -59,7 +61,8 @@ export async function openFiles(files: Named[]): Promise<Own> {
         throw new Error("its skin names bones that it does not have");
       }
       await redirected.update("draft");
-      return { meshes, source: redirected.source, redirected, rigidity, size: sizes[k], texture: unwrapped(texture, sizes[k]) };
+      const { source } = redirected;
+      return { meshes, source, redirected, rigidity, size: sizes[k], texture: unwrapped(texture, sizes[k]) };
     });
     for (const { status, ...result } of await Promise.allSettled(made)) {
       if (status === "fulfilled") {
@@ -72,7 +75,8 @@ export async function openFiles(files: Named[]): Promise<Own> {
       throw new Error(notes.at(-1));
     }
     const [clip] = [...clips.filter(moves), ...inTurn(root, notes)];
-    const deforms = groups.some(({ meshes }) => meshes.some((mesh) => (mesh as SkinnedMesh).isSkinnedMesh || mesh.morphTargetInfluences));
+    const deforms = groups.some(({ meshes }) =>
+      meshes.some((mesh) => (mesh as SkinnedMesh).isSkinnedMesh || mesh.morphTargetInfluences));
     if (clip) {
       play(open, clip);
     }
@@ -121,7 +125,8 @@ const textures = (material: Material): Texture[] => Object.values(material).filt
 
 function images(root: Object3D): ImageBitmap[] {
   const all = new Set<ImageBitmap>();
-  root.traverse((object) => materials(object).flatMap(textures).forEach(({ image }) => image && all.add(image as ImageBitmap)));
+  const add = ({ image }: Texture) => image && all.add(image as ImageBitmap);
+  root.traverse((object) => materials(object).flatMap(textures).forEach(add));
   return [...all];
 }
 
@@ -130,7 +135,7 @@ interface Group {
   map: Texture;
 }
 
-/** Meshes that share a texture and a skin, those with the most triangles first. What has none, or no UVs, is drawn as it is. */
+/** Meshes that share a texture and a skin, those with the most triangles first; others are drawn as they are. */
 function group(root: Object3D, notes: string[]): Group[] {
   const all: Mesh[] = [];
   root?.traverse((object) => isMesh(object) && all.push(object));
@@ -139,7 +144,7 @@ function group(root: Object3D, notes: string[]): Group[] {
     throw new Error("It has no mesh: points, lines, cameras and lights have no surface to paint on.");
   }
   const mapOf = ({ material }: Mesh): Texture | undefined => {
-    const [{ map, normalMap, emissiveMap, roughnessMap }] = [material].flat() as unknown as Record<string, Texture | undefined>[];
+    const [{ map, normalMap, emissiveMap, roughnessMap }] = [material].flat() as Partial<MeshStandardMaterial>[];
     return map ?? normalMap ?? emissiveMap ?? roughnessMap ?? undefined;
   };
   if (!all.some(mapOf)) {
@@ -166,13 +171,16 @@ function group(root: Object3D, notes: string[]): Group[] {
   if (bare.length > 0) {
     notes.push(`${bare.length} of its ${all.length} meshes have no UVs: they are drawn as they are.`);
   }
-  const triangles = ({ meshes }: Group) => meshes.reduce((sum, { geometry }) => sum + (geometry.index ?? geometry.attributes.position).count, 0);
-  const apart = [...groups.values()].flatMap(({ meshes, map }) => layers(meshes, map.channel).map((meshes) => ({ meshes, map })));
+  const corners = ({ geometry: { index, attributes } }: Mesh) => (index ?? attributes.position).count;
+  const triangles = ({ meshes }: Group) => meshes.reduce((sum, mesh) => sum + corners(mesh), 0);
+  const apart = [...groups.values()].flatMap(({ meshes, map }) =>
+    layers(meshes, map.channel).map((meshes) => ({ meshes, map })));
   // A material looks up one map.
   const owners = new Map<Material, Group>();
   for (const group of apart) {
     for (const mesh of group.meshes) {
-      const own = materials(mesh).map((material) => ((owners.get(material) ?? group) === group ? material : material.clone()));
+      const own = materials(mesh).map((material) =>
+        ((owners.get(material) ?? group) === group ? material : material.clone()));
       own.forEach((material) => owners.set(material, group));
       mesh.material = Array.isArray(mesh.material) ? own : own[0];
     }
