@@ -237,3 +237,12 @@ test("a hundred redirections leave nothing behind", options, async () => {
   assert.equal(counts.at(-1), counts[0]);
   assert.equal(page.workers().length, 0);
 });
+
+test("the page of the example solves", options, async () => {
+  // `npm run page` comes first.
+  const { server, url } = await serve(fileURLToPath(new URL("../../../examples/web/dist", import.meta.url)));
+  await page.goto(`${url}three.html`);
+  await page.waitForSelector("[data-solved]");
+  assert.deepEqual(problems, []);
+  server.close();
+});
