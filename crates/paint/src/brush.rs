@@ -189,7 +189,7 @@ fn closest(p: Point, [a, b, c]: [Point; 3]) -> [f32; 3] {
     edges.into_iter().min_by(|one, other| away(one).total_cmp(&away(other))).unwrap_or([1.0, 0.0, 0.0])
 }
 
-/// What lies between three corners, by their weights.
+/// The mean of three corners' values, by their weights.
 #[must_use]
 pub fn mixed<const N: usize>(of: [[f32; N]; 3], w: [f32; 3]) -> [f32; N] {
     from_fn(|c| (0..3).map(|k| w[k] * of[k][c]).sum())
