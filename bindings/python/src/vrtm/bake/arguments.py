@@ -225,7 +225,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--no-progress", "Print no progress bar, and no line per frame.")
     add("--quiet", "Print nothing but warnings and errors.")
     add("--openjd", "Print progress and status lines of OpenJobDescription.")
-    add("--settings", "Further options in a file, as in a shell: what is painted on vrtm's page comes with one.", "FILE")
+    add("--settings", "Further options in a file, quoted as in a shell, such as vrtm's page writes.", "FILE")
     add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS", action="append")
     return parser
 
