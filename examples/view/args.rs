@@ -21,7 +21,7 @@ pub struct Args {
     #[command(flatten)]
     pub files: Files,
 
-    /// Mesh of a glTF file, by its name [default: the largest]
+    /// Mesh of a glTF file, by its name [default: all]
     #[arg(long, value_name = "NAME", requires = "rest")]
     pub mesh: Option<String>,
 
@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", requires = "rest")]
     pub animation: Option<String>,
 
-    /// Frames per second of the timeline, of clips, and of the poses from a glTF file's animation
+    /// Frames per second of the timeline, and of the poses from a glTF file's animation
     #[arg(long, value_name = "N", default_value_t = RATE, value_parser = clap::value_parser!(u16).range(1..=240))]
     pub fps: u16,
 

@@ -5,42 +5,31 @@ const DIGITS: usize = 3;
 
 /// The frame of each file of a shot: the only number in which the names differ, as `vrtm bake` reads them. They ascend;
 /// `None` if the names are not those of a shot.
-pub fn frames(names: &[&str]) -> Option<Vec<i64>> {
-    let parts: Vec<_> = names.iter().map(|name| parts(name)).collect();
-    let [first, others @ ..] = parts.as_slice() else { return None };
-    let alike = |k: usize| others.iter().all(|other| other.get(k) == first.get(k));
-    let count = first.len();
-    let [at] = (0..count).filter(|&k| !alike(k)).collect::<Vec<_>>()[..] else { return None };
-    let is_number = |part: &&str| part.starts_with(|c: char| c.is_ascii_digit());
-    if !parts.iter().all(|parts| parts.len() == count && is_number(&parts[at])) {
-        return None;
-    }
-    // A hyphen is a minus sign unless it stands behind a letter or a digit.
-    let before = at.checked_sub(1).map_or("", |k| first[k]);
-    let minus = match before.strip_suffix('-') {
-        // A digit is a part of its own.
-        Some("") => at == 1,
-        Some(rest) => !rest.ends_with(char::is_alphanumeric),
-        None => false,
+pub fn frames<'a>(names: &[&'a str]) -> Option<Vec<i64>> {
+    let [first, others @ ..] = names else { return None };
+    let alike = |from_end: bool| {
+        let byte = |name: &str, k: usize| name.as_bytes()[if from_end { name.len() - 1 - k } else { k }];
+        let same = |other: &&str| {
+            let all = first.len().min(other.len());
+            (0..all).find(|&k| byte(first, k) != byte(other, k)).unwrap_or(all)
+        };
+        others.iter().map(same).min()
     };
-    let digits = parts.iter().map(|parts| parts[at].len()).max()?;
-    let numbers: Option<Vec<i64>> = parts.iter().map(|parts| parts[at].parse().ok()).collect();
-    let numbers: Vec<i64> = numbers?.into_iter().map(|n| if minus { -n } else { n }).collect();
+    // A number that begins or ends alike is cut out whole.
+    let is_digit = |c: char| c.is_ascii_digit();
+    let before = first.get(..alike(false)?)?.trim_end_matches(is_digit);
+    let behind = first.get(first.len() - alike(true)?..)?.trim_start_matches(is_digit);
+    let number = |name: &&'a str| {
+        let number = name.get(before.len()..name.len() - behind.len())?;
+        number.chars().all(is_digit).then_some(number)
+    };
+    let numbers = names.iter().map(number).collect::<Option<Vec<&str>>>()?;
+    let digits = numbers.iter().map(|number| number.len()).max()?;
+    // A hyphen is a minus sign unless it stands behind a letter or a digit.
+    let minus = before.strip_suffix('-').is_some_and(|rest| !rest.ends_with(char::is_alphanumeric));
+    let frame = |number: &&str| number.parse::<i64>().ok().map(|n| if minus { -n } else { n });
+    let numbers = numbers.iter().map(frame).collect::<Option<Vec<_>>>()?;
     (digits >= DIGITS && numbers.windows(2).all(|pair| pair[0] < pair[1])).then_some(numbers)
-}
-
-/// A name cut into numbers and what stands between them.
-fn parts(name: &str) -> Vec<&str> {
-    let mut parts = Vec::new();
-    let mut rest = name;
-    while let Some(first) = rest.chars().next() {
-        let digit = first.is_ascii_digit();
-        let end = rest.find(|c: char| c.is_ascii_digit() != digit).unwrap_or(rest.len());
-        let (part, others) = rest.split_at(end);
-        parts.push(part);
-        rest = others;
-    }
-    parts
 }
 
 #[cfg(test)]

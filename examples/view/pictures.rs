@@ -24,6 +24,11 @@ impl Pictures {
     pub fn none(pages: usize) -> Pictures {
         Pictures { colours: vec![None; pages], normals: vec![None; pages] }
     }
+
+    /// True if a page has a colour texture.
+    pub fn have_colour(&self) -> bool {
+        self.colours.iter().any(Option::is_some)
+    }
 }
 
 /// Reads the texture of a tile; `None` if the tile has none. In the path `<UDIM>` stands for the tile's number.
@@ -36,7 +41,8 @@ pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
         return Ok(None);
     }
     let image = image::open(&path).map_err(|error| format!("{path}: {error}"))?;
-    Ok(Some(prepared(image)))
+    // What files keep in a fourth channel is rarely the surface's opacity.
+    Ok(Some(prepared(image.into_rgb8().into())))
 }
 
 /// An image as a GPU's texture takes it: its first row is at v = 0.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use eframe::egui::mutex::RwLock;
-use eframe::egui::{CentralPanel, Color32, Frame, Pos2, Rect, TextureId, Ui, pos2};
+use eframe::egui::{CentralPanel, Color32, Frame, Id, Pos2, Rect, TextureId, Ui, pos2};
 use eframe::egui_wgpu::Renderer;
 use serde_json::json;
 
@@ -14,6 +14,9 @@ use crate::draw::camera::View;
 use crate::draw::picture::Picture;
 use crate::panel::style;
 use crate::panel::viewport::{self, Shown};
+
+/// Seconds in which the map over textures comes and goes with the brush.
+const FADE: f32 = 0.6;
 
 /// The picture on the screen, drawn again only if something changed.
 pub struct Screen {
@@ -60,7 +63,6 @@ impl App {
             ui.centered_and_justified(|ui| ui.label(text));
             return false;
         };
-        let recording = self.clip.is_some();
         let (area, _, mouse) = viewport::mouse(ui, &mut self.look, &mut open.orbit);
         self.trace.widget("view", area, scale);
         let pane = self.look.pane(area, 0);
@@ -70,19 +72,17 @@ impl App {
             open.framed = Some((open.orbit, aspect));
         }
         let camera = open.orbit.camera(aspect);
-        let painting = if recording {
-            false
-        } else {
-            self.brush_keys(ui);
-            self.paint(ui, pane.size(), &camera, &mouse)
-        };
+        self.brush_keys(ui);
+        let painting = self.paint(ui, pane.size(), &camera, &mouse);
         let cells = self
             .shown
             .as_ref()
             .and_then(|answer| answer.tiles.iter().map(|tile| tile.report.grid[0]).max())
             .filter(|&cells| cells > 0)
             .unwrap_or(512);
-        let views = self.look.views(&camera, cells, scale);
+        let overlay = ui.ctx().animate_bool_with_time(Id::unique("overlay"), self.look.brush, FADE);
+        let has_colour = self.open.as_ref().is_some_and(|open| open.pictures.have_colour());
+        let views = self.look.views(&camera, cells, scale, if has_colour { overlay } else { 0.0 });
         let pixels = [area.width(), area.height()].map(|x| (x * scale).round().max(1.0) as u32);
         self.redraw(views, pixels);
         if let Some((_, id)) = &self.screen.picture {
@@ -100,7 +100,7 @@ impl App {
                 rings.for_each(|(hit, radius)| viewport::outline(ui, places, &camera, hit, *radius));
             }
         }
-        if let Some((pane, hit, radius)) = self.stroke.under.filter(|_| self.look.brush && !recording) {
+        if let Some((pane, hit, radius)) = self.stroke.under.filter(|_| self.look.brush) {
             let places = (self.look.pane(area, pane), self.look.seen(area, pane));
             viewport::outline(ui, places, &camera, &hit, radius);
         }
@@ -143,6 +143,7 @@ impl App {
                 "purpose": format!("{:?}", request.purpose).to_lowercase(),
                 "quality": format!("{:?}", request.quality).to_lowercase(),
                 "panes": self.look.redirected(), "shown": format!("{:?}", self.look.shown).to_lowercase(),
+                "overlay": self.screen.views.first().map(|view| view.overlay),
             });
             self.trace.once_seen("drawn", facts);
         }

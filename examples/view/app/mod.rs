@@ -29,7 +29,6 @@ use crate::panel::side::section;
 use crate::panel::viewport::Look;
 use crate::panel::{brush, line, part, style};
 use crate::pictures::Pictures;
-use crate::save::clip::Clip;
 use crate::solve::answer::Answer;
 use crate::solve::flow::{Flow, Wanted};
 use crate::solve::inbox::Edit;
@@ -75,7 +74,6 @@ pub struct App {
     history: History,
     screen: Screen,
     stroke: Stroke,
-    clip: Option<Clip>,
     question: Option<Question>,
     dialogs: Dialogs,
     /// The dialog to show next.
@@ -114,7 +112,7 @@ impl App {
             trace,
             open: None,
             look: Look { panes: args.view, ..Look::default() },
-            brush: Brush::default(),
+            brush: Brush::DEFAULT,
             settings: Settings::default(),
             told: Settings::default(),
             flow: Flow::default(),
@@ -123,7 +121,6 @@ impl App {
             history: History::default(),
             screen: Screen::new(state.renderer.clone()),
             stroke: Stroke::default(),
-            clip: None,
             question: None,
             dialogs: Dialogs::new(),
             asked: None,
@@ -133,7 +130,12 @@ impl App {
             rate: args.fps,
             notice: None,
         };
-        app.open_with(&args.files, &args.choice(), args.texture.as_deref(), args.normal.as_deref());
+        app.open_part(&args.files, &args.choice());
+        for (ask, pattern) in [(Ask::Texture, &args.texture), (Ask::Normal, &args.normal)] {
+            if let (Some(_), Some(pattern)) = (&app.open, pattern) {
+                app.open_picture(ask, pattern);
+            }
+        }
         if let (Some(open), Some(frame)) = (&mut app.open, args.frame) {
             open.line.go(open.line.frame_of(frame));
         }
@@ -152,10 +154,7 @@ impl App {
         for news in news {
             match news {
                 News::Device(text) => self.device = text,
-                News::Failed(text) => {
-                    self.give_clip_up();
-                    self.say(text);
-                }
+                News::Failed(text) => self.say(text),
                 News::Solved(answer) => self.show(*answer),
             }
         }
@@ -184,9 +183,6 @@ impl App {
         self.stroke.moved();
         self.rings = worst::rings(&open.model, &answer);
         self.shown = Some(answer);
-        if self.clip.is_some() {
-            self.clip_frame();
-        }
     }
 
     /// Asks for what the window should show.
@@ -212,9 +208,6 @@ impl App {
             self.draw_anew();
         }
         let Some(open) = &self.open else { return };
-        if self.clip.is_some() {
-            return;
-        }
         let (frame, last, quality) = (open.line.frame, open.line.last, self.settings.quality);
         let wanted = Wanted { frame, last, quality, moving };
         let shown = self.shown.as_ref().map(|answer| &answer.request);
@@ -228,13 +221,12 @@ impl App {
             .open
             .as_ref()
             .map_or(("nothing open", false), |open| (open.model.name.as_str(), open.orbit.z_up));
-        let App { look, path, folder, trace, clip, .. } = self;
-        let progress = clip.as_ref().map(|clip| (clip.next.min(clip.last), clip.last));
+        let App { look, path, folder, trace, .. } = self;
         let mut wish = Panel::top("bar").frame(style::frame(0)).exact_size(42.0).show(ui, |ui| {
             let fields = (&mut *look, path, folder);
-            bar::show(ui, (name, z_up), fields, progress, |name, rect| trace.widget(name, rect, scale))
+            bar::show(ui, (name, z_up), fields, |name, rect| trace.widget(name, rect, scale))
         });
-        if progress.is_none() && !ui.ctx().egui_wants_keyboard_input() {
+        if !ui.ctx().egui_wants_keyboard_input() {
             wish.inner = wish.inner.or(bar::keys(ui, look));
         }
         match (wish.inner, &mut self.open) {
@@ -259,7 +251,7 @@ impl App {
         if !self.look.has_side(width) {
             return false;
         }
-        let App { settings, brush, look, trace, open, history, shown, screen, clip, .. } = self;
+        let App { settings, brush, look, trace, open, history, shown, screen, .. } = self;
         let mut noted = |name: &str, rect: egui::Rect| trace.widget(name, rect, scale);
         let (mut dragged, mut wish, mut choice) = (false, None, None);
         let frame = style::frame(10);
@@ -269,26 +261,25 @@ impl App {
             .exact_size(if width < 1000.0 { 320.0 } else { 348.0 })
             .show(ui, |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                    ui.add_enabled_ui(clip.is_none(), |ui| {
-                        if let Some(answer) = shown {
-                            section(ui, "This frame", true, |ui| {
-                                figures::show(ui, answer, history, screen.milliseconds)
-                            });
-                        }
-                        if let Some(open) = open {
-                            choice = part::show(ui, &open.model, &mut noted);
-                        }
-                        if look.brush
-                            && let Some(open) = open
-                        {
-                            wish = section(ui, "Brush", true, |ui| {
-                                brush::show(ui, brush, &open.painter.steps, &mut noted)
-                            })
-                            .flatten();
-                        }
-                        dragged |= section(ui, "Solve", true, |ui| settings::show(ui, settings, &mut noted))
-                            .unwrap_or(false);
-                    });
+                    if let Some(answer) = shown {
+                        section(ui, "This frame", true, |ui| {
+                            figures::show(ui, answer, history, screen.milliseconds)
+                        });
+                    }
+                    if let Some(open) = open {
+                        choice = part::show(ui, &open.model, &mut noted);
+                    }
+                    if look.brush
+                        && let Some(open) = open
+                    {
+                        wish = section(ui, "Brush", true, |ui| {
+                            let has_texture = open.pictures.have_colour();
+                            brush::show(ui, brush, (&open.painter.steps, has_texture), &mut noted)
+                        })
+                        .flatten();
+                    }
+                    dragged |= section(ui, "Solve", true, |ui| settings::show(ui, settings, &mut noted))
+                        .unwrap_or(false);
                 });
             });
         if let Some(wish) = wish {
@@ -303,10 +294,10 @@ impl App {
 
     /// Returns whether the timeline is being dragged.
     fn line(&mut self, ui: &mut Ui, scale: f32) -> bool {
-        let App { open, trace, history, clip, shown, device, notice, worker, .. } = self;
+        let App { open, trace, history, shown, device, notice, worker, .. } = self;
         let Some(open) = open else { return false };
         let now = ui.input(|i| i.time);
-        let keys = clip.is_none() && !ui.ctx().egui_wants_keyboard_input();
+        let keys = !ui.ctx().egui_wants_keyboard_input();
         let pressed = |key| keys && ui.input(|i| i.key_pressed(key));
         if pressed(Key::Space) {
             open.line.toggle(now);
@@ -350,17 +341,8 @@ impl App {
         let plots = ui.ctx().content_rect().height() >= 560.0;
         let height = if plots { 92.0 } else { 58.0 };
         Panel::bottom("timeline").frame(style::frame(8)).exact_size(height).show(ui, |ui| {
-            ui.add_enabled_ui(clip.is_none(), |ui| {
-                dragged = line::show(
-                    ui,
-                    &mut open.line,
-                    (&open.model, plots.then_some(history)),
-                    now,
-                    |name, rect| {
-                        trace.widget(name, rect, scale);
-                    },
-                );
-            });
+            let noted = |name: &str, rect| trace.widget(name, rect, scale);
+            dragged = line::show(ui, &mut open.line, (&open.model, plots.then_some(history)), now, noted);
         });
         dragged
     }
@@ -390,7 +372,6 @@ impl eframe::App for App {
     }
 
     fn on_exit(&mut self) {
-        self.give_clip_up();
         self.trace.event("close", json!({}));
     }
 }

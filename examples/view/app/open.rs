@@ -55,35 +55,7 @@ impl App {
         }
     }
 
-    /// Opens files with the textures of the tiles.
-    pub(super) fn open_with(
-        &mut self,
-        files: &Files,
-        choice: &Choice,
-        texture: Option<&str>,
-        normal: Option<&str>,
-    ) {
-        let model = match Model::layered(files, choice, self.settings.overlaps.layers()) {
-            Ok(model) => model,
-            Err(failure) => return self.say(failure.0),
-        };
-        let read = |name: &str, path: Option<&str>, own: &Textures| match path {
-            Some(path) => textures_of(&model, path).map_err(|message| format!("{name}: {message}")),
-            None => Ok(own.clone()),
-        };
-        let Pictures { colours, normals } = &model.pictures;
-        let pictures = read("--texture", texture, colours)
-            .and_then(|colours| Ok(Pictures { colours, normals: read("--normal", normal, normals)? }));
-        let pictures = match pictures {
-            Ok(pictures) => pictures,
-            Err(message) => return self.say(message),
-        };
-        let painter = Painter::new(&model);
-        self.begin(Arc::new(model), painter, pictures);
-    }
-
     fn begin(&mut self, model: Arc<Model>, painter: Painter, pictures: Pictures) {
-        self.give_clip_up();
         self.notice = None;
         let scene = self.scene_of(&model, &painter.canvases, &pictures);
         self.flow.edit += 1;

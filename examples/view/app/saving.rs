@@ -1,17 +1,16 @@
-//! Saving from the window: names, the question whether files may be replaced, and clips.
+//! Saving from the window: names, and the question whether files may be replaced.
 
 use std::path::{Path, PathBuf};
 
 use eframe::egui::Ui;
+use image::ExtendedColorType;
 use serde_json::json;
 
 use super::{App, Notice};
 use crate::draw::picture::Picture;
 use crate::panel::save::{self, Job, Pressed};
-use crate::save::clip::Clip;
 use crate::save::file::Existing;
 use crate::save::{encode, file, rigidity};
-use crate::solve::inbox::{Purpose, Request};
 
 /// Requests that wait for an answer.
 pub struct Question {
@@ -23,20 +22,15 @@ impl App {
     /// A button was pressed: saves to the folder.
     pub(super) fn press(&mut self, pressed: Pressed) {
         let Some(open) = &self.open else { return };
-        if pressed != Pressed::Stop && self.clip.is_some() {
-            return;
-        }
         let folder = Path::new(self.folder.trim());
         let name = open.model.name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_");
         let job = match pressed {
-            Pressed::Stop => return self.give_clip_up(),
             Pressed::Rigidity => {
                 Job::Rigidity(rigidity::paths(folder, &name, open.model.pages.iter().map(|page| page.udim)))
             }
             Pressed::Picture => {
                 Job::Picture(folder.join(format!("{name}_{:04}.png", open.line.number(open.line.frame))))
             }
-            Pressed::Clip => Job::Clip(folder.join(format!("{name}_clip.png"))),
         };
         // If such files are there already, the user decides.
         let files = file::existing(job.paths(), &open.inputs);
@@ -78,7 +72,6 @@ impl App {
                 None => Ok(()),
             },
             Job::Picture(path) => self.picture(path),
-            Job::Clip(path) => return self.begin_clip(path.clone()),
         };
         match saved {
             Ok(()) => self.tell_saved(job.paths()),
@@ -93,75 +86,15 @@ impl App {
         self.notice = Some(Notice { text: format!("saved to {}{more}", first.display()), is_error: false });
     }
 
-    /// The pixels of the view, without what lies over it.
-    fn pixels(&self, size: [u32; 2]) -> Result<Vec<u8>, String> {
-        let (picture, (views, wipe)) = (Picture::new(&self.gpu, size), self.screen.views());
-        picture.draw(&self.gpu, self.open.as_ref().map(|open| &open.scene), views, wipe);
-        picture.read(&self.gpu)
-    }
-
+    /// The view, without what lies over it.
     fn picture(&self, path: &Path) -> Result<(), String> {
-        let size = self.screen.size();
-        let pixels = self.pixels(size)?;
-        let bytes = encode::picture(size, &pixels).map_err(|error| format!("{}: {error}", path.display()))?;
+        let (picture, (views, wipe)) = (Picture::new(&self.gpu, self.screen.size()), self.screen.views());
+        picture.draw(&self.gpu, self.open.as_ref().map(|open| &open.scene), views, wipe);
+        // The window is opaque.
+        let pixels: Vec<u8> =
+            picture.read(&self.gpu)?.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let bytes = encode::encode(picture.size, ExtendedColorType::Rgb8, &pixels);
+        let bytes = bytes.map_err(|error| format!("{}: {error}", path.display()))?;
         vrtm_examples::whole::write(path, &bytes)
-    }
-
-    fn begin_clip(&mut self, path: PathBuf) {
-        let Some(open) = &mut self.open else { return };
-        open.line.go(1);
-        match Clip::new(path, self.screen.size(), (open.line.last, open.line.rate)) {
-            Ok(clip) => {
-                self.clip = Some(clip);
-                self.ask_clip();
-            }
-            Err(message) => self.say(message),
-        }
-    }
-
-    /// Asks for the next frame of the clip.
-    fn ask_clip(&mut self) {
-        let (Some(open), Some(clip)) = (&mut self.open, &self.clip) else { return };
-        open.line.go(clip.next);
-        self.worker.inbox.ask(Request {
-            frame: clip.next,
-            last: clip.last,
-            quality: self.settings.quality,
-            purpose: Purpose::Clip,
-            edit: self.flow.edit,
-        });
-    }
-
-    /// Adds the frame that is shown, if it is the next one.
-    pub(super) fn clip_frame(&mut self) {
-        let Some(clip) = &self.clip else { return };
-        let shown = self.shown.as_ref().map(|answer| (answer.request.purpose, answer.request.frame));
-        if shown != Some((Purpose::Clip, clip.next)) {
-            return;
-        }
-        let added = self.pixels(clip.size).and_then(|pixels| match &mut self.clip {
-            Some(clip) => clip.add(&pixels),
-            None => Ok(()),
-        });
-        if let Err(message) = added {
-            self.give_clip_up();
-            return self.say(message);
-        }
-        if !self.clip.as_ref().is_some_and(Clip::is_complete) {
-            return self.ask_clip();
-        }
-        self.flow.reset();
-        match self.clip.take().map(Clip::finish) {
-            Some(Ok(path)) => self.tell_saved(&[path]),
-            Some(Err(message)) => self.say(message),
-            None => {}
-        }
-    }
-
-    /// Leaves no clip behind that is not complete.
-    pub(super) fn give_clip_up(&mut self) {
-        if self.clip.take().is_some() {
-            self.flow.reset();
-        }
     }
 }

@@ -4,13 +4,17 @@ use eframe::egui::{Key, Modifiers, Ui, Vec2};
 use serde_json::json;
 
 use super::{App, Open};
-use crate::brush::kind::Brush;
+use crate::brush::disc::closest;
+use crate::brush::kind::{Brush, Click};
 use crate::brush::mirror;
 use crate::brush::pick::{Hit, Projected};
 use crate::brush::steps::Change;
+use crate::brush::textures::{Source, colour};
 use crate::draw::camera::Camera;
+use crate::model::Model;
 use crate::panel::brush::BrushWish;
 use crate::panel::viewport::Mouse;
+use crate::solve::answer::Solved;
 use crate::solve::inbox::Edit;
 
 /// The brush between two passes over the window.
@@ -108,10 +112,19 @@ impl App {
             let other = |hit: &Hit| mirror::opposite(model, positions, hit, plane, radius(hit));
             hits.extend(hits.iter().filter_map(other).collect::<Vec<_>>());
         }
-        if brush.fills {
+        let seen = self.look.redirected()[pane].then_some(answer.tiles.as_slice());
+        if brush.click != Click::Paint {
             // One press fills once.
             if before.is_none() {
-                let fill = |hit: &Hit| open.painter.fill_island(model, hit.triangle, &brush);
+                let fill = |hit: &Hit| match brush.click {
+                    Click::Colour => {
+                        let (page, uv) = texture_place(model, positions, seen, hit);
+                        let colours = &open.pictures.colours;
+                        let taken = colours[page].as_ref().map(|image| Source::Colour(colour(image, uv)));
+                        taken.map(|taken| open.painter.take(colours, taken, &brush)).unwrap_or_default()
+                    }
+                    _ => open.painter.fill_island(model, hit.triangle, &brush),
+                };
                 let changes = hits.iter().flat_map(fill).collect();
                 self.send(changes);
             }
@@ -120,7 +133,6 @@ impl App {
         if !open.painter.is_painting() {
             open.painter.begin();
         }
-        let seen = self.look.redirected()[pane].then_some(answer.tiles.as_slice());
         let mut changes: Vec<Change> = Vec::new();
         for hit in &hits {
             for change in open.painter.dab(model, positions, seen, hit, (&brush, radius(hit))) {
@@ -136,11 +148,12 @@ impl App {
 
     /// Does what a button of the brush asks for.
     pub(super) fn brush_wish(&mut self, wish: BrushWish) {
-        let Some(Open { painter, model, .. }) = &mut self.open else { return };
+        let Some(Open { painter, model, pictures, .. }) = &mut self.open else { return };
         let changes = match wish {
             BrushWish::Undo => painter.undo(),
             BrushWish::Redo => painter.redo(),
             BrushWish::Use(tool) => painter.change(model, tool),
+            BrushWish::Take(source) => painter.take(&pictures.colours, source, &self.brush),
         };
         self.send(changes);
     }
@@ -159,4 +172,17 @@ impl App {
             self.screen.changed();
         }
     }
+}
+
+/// The page of a point of the surface, and the UV of what its texture shows there.
+fn texture_place(
+    model: &Model,
+    positions: &[[f32; 3]],
+    seen: Option<&[Solved]>,
+    hit: &Hit,
+) -> (usize, [f32; 2]) {
+    let (triangle, tile) = (&model.triangles[hit.triangle], model.tile_of(hit.triangle));
+    let w = closest(hit.position, triangle.vertices.map(|v| positions[v as usize]));
+    let uv = [0, 1].map(|c| (0..3).map(|k| w[k] * triangle.uvs[k][c] as f32).sum());
+    (model.tiles[tile].page, seen.map_or(uv, |seen| seen[tile].maps.redirected(uv)))
 }

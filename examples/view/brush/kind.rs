@@ -1,5 +1,16 @@
 //! What a brush is: how large, how soft, and what it does.
 
+/// What a click changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Click {
+    /// The surface around it.
+    Paint,
+    /// The chart under it.
+    Fill,
+    /// All of the textures that has the colour under it.
+    Colour,
+}
+
 /// Operation of the brush.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brush {
@@ -11,24 +22,23 @@ pub struct Brush {
     pub softness: f32,
     /// True if it paints 0 instead.
     pub erase: bool,
-    /// True if a click fills the chart under it.
-    pub fills: bool,
+    pub click: Click,
+    /// Distance of colours that count as the one under a click, 0..1.
+    pub tolerance: f32,
     /// True if it paints on the opposite side of the mesh, too.
     pub symmetry: bool,
 }
 
-impl Default for Brush {
-    fn default() -> Brush {
-        Brush { radius: 28.0, value: 1.0, softness: 0.25, erase: false, fills: false, symmetry: false }
-    }
-}
-
 impl Brush {
-    /// Coverage at a distance, in units of its radius.
-    pub fn cover(&self, distance: f32) -> f32 {
-        let t = ((1.0 - distance) / self.softness.max(1e-3)).clamp(0.0, 1.0);
-        t * t * (3.0 - 2.0 * t)
-    }
+    pub const DEFAULT: Brush = Brush {
+        radius: 28.0,
+        value: 1.0,
+        softness: 0.25,
+        click: Click::Paint,
+        tolerance: 0.2,
+        erase: false,
+        symmetry: false,
+    };
 
     pub fn target(&self) -> f32 {
         if self.erase { 0.0 } else { self.value.clamp(0.0, 1.0) * 65535.0 }

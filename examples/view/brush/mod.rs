@@ -1,6 +1,7 @@
 //! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what of the surface
 //! lies around it (`disc`) or in its chart (`islands`), which triangle is at a texel (`ids`), what a stroke changes
-//! in the maps (`painter`), tools that change all of a map (`whole`), and taking back what was done (`steps`).
+//! in the maps (`painter`), maps from textures (`textures`), tools that change all of a map (`whole`), and taking back
+//! what was done (`steps`).
 
 pub mod canvas;
 pub mod disc;
@@ -10,4 +11,5 @@ pub mod mirror;
 pub mod painter;
 pub mod pick;
 pub mod steps;
+pub mod textures;
 pub mod whole;

@@ -120,7 +120,7 @@ impl Painter {
                 }
                 let w = weights(triangle.uvs.map(|uv| uv.map(|x| x as f32)), on);
                 let place = [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
-                let cover = brush.cover(length(minus(place, centre)) / radius);
+                let cover = vrtm_paint::cover(length(minus(place, centre)) / radius, brush.softness);
                 let k = canvas.index([x, y]);
                 if cover > touched.cover[k] {
                     touched.cover[k] = cover;
@@ -182,7 +182,7 @@ impl Painter {
     }
 
     /// Takes the new texels of pages as one step. Returns what changed.
-    fn set(&mut self, pages: Vec<(usize, Vec<u16>)>) -> Vec<Change> {
+    pub(super) fn set(&mut self, pages: Vec<(usize, Vec<u16>)>) -> Vec<Change> {
         self.end();
         let (mut before, mut after) = (Vec::new(), Vec::new());
         for (page, texels) in pages {
@@ -276,8 +276,7 @@ mod tests {
         (model, painter, Hit { triangle, position, normal: [0.0, 0.0, 1.0], depth: 1.0 })
     }
 
-    const BRUSH: Brush =
-        Brush { radius: 1.0, value: 1.0, softness: 0.5, erase: false, fills: false, symmetry: false };
+    const BRUSH: Brush = Brush { softness: 0.5, ..Brush::DEFAULT };
 
     #[test]
     fn a_dab_paints_a_disc_on_the_surface_and_nothing_else() {

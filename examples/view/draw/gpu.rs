@@ -1,6 +1,7 @@
 //! The window's GPU, with the pipelines.
 
 use eframe::egui_wgpu::RenderState;
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 /// Samples per pixel.
 pub const SAMPLES: u32 = 4;
@@ -65,16 +66,21 @@ impl Gpu {
             label: Some("surface"),
             source: wgpu::ShaderSource::Wgsl(parts.join("\n").into()),
         });
-        let pipe = Pipe { device: &device, module: &module };
         let corners = wgpu::VertexBufferLayout {
             array_stride: 12,
             step_mode: wgpu::VertexStepMode::Vertex,
             attributes: &wgpu::vertex_attr_array![0 => Uint32, 1 => Float32x2],
         };
         let corners = &[Some(corners)];
-        let surface =
-            pipe.pipeline(["corner", "surface"], (&[&view, &tile, &map], corners), COLOUR, true, "DELTA");
-        let metric = pipe.pipeline(["flat_corner", "rest_metric"], (&[&view], corners), METRIC, false, "");
+        let surface = pipeline(
+            (&device, &module),
+            ["corner", "surface"],
+            (&[&view, &tile, &map], corners),
+            COLOUR,
+            true,
+        );
+        let metric =
+            pipeline((&device, &module), ["flat_corner", "rest_metric"], (&[&view], corners), METRIC, false);
         let linear = device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -96,15 +102,9 @@ impl Gpu {
     }
 
     /// A buffer with this content.
-    pub fn buffer(&self, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size: (bytes.len() as u64).max(16),
-            usage: usage | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        self.queue.write_buffer(&buffer, 0, bytes);
-        buffer
+    pub fn buffer(&self, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let usage = usage | wgpu::BufferUsages::COPY_DST;
+        self.device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage })
     }
 
     /// A texture of one layer.
@@ -160,59 +160,52 @@ impl Gpu {
     }
 }
 
-/// Parts of pipelines.
-struct Pipe<'a> {
-    device: &'a wgpu::Device,
-    module: &'a wgpu::ShaderModule,
-}
-
-impl Pipe<'_> {
-    /// `on` is a constant of the fragment shader that is set; empty = none.
-    fn pipeline(
-        &self,
-        [vertex, fragment]: [&str; 2],
-        (groups, buffers): (&[&wgpu::BindGroupLayout], &[Option<wgpu::VertexBufferLayout>]),
-        format: wgpu::TextureFormat,
-        on_screen: bool,
-        on: &str,
-    ) -> wgpu::RenderPipeline {
-        let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: None,
-            bind_group_layouts: &groups,
-            immediate_size: 0,
-        });
-        let constants: &[_] = if on.is_empty() { &[] } else { &[(on, 1.0)] };
-        let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(fragment),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: self.module,
-                entry_point: Some(vertex),
-                compilation_options: Default::default(),
-                buffers,
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: on_screen.then(|| wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Less),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState {
-                count: if on_screen { SAMPLES } else { 1 },
-                ..wgpu::MultisampleState::default()
-            },
-            fragment: Some(wgpu::FragmentState {
-                module: self.module,
-                entry_point: Some(fragment),
-                compilation_options: options,
-                targets: &[Some(format.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
-    }
+fn pipeline(
+    (device, module): (&wgpu::Device, &wgpu::ShaderModule),
+    [vertex, fragment]: [&str; 2],
+    (groups, buffers): (&[&wgpu::BindGroupLayout], &[Option<wgpu::VertexBufferLayout>]),
+    format: wgpu::TextureFormat,
+    on_screen: bool,
+) -> wgpu::RenderPipeline {
+    let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &groups,
+        immediate_size: 0,
+    });
+    // The picture itself stays opaque.
+    let write_mask = if on_screen { wgpu::ColorWrites::COLOR } else { wgpu::ColorWrites::ALL };
+    let options = wgpu::PipelineCompilationOptions { constants: &[("DELTA", 1.0)], ..Default::default() };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(fragment),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: module,
+            entry_point: Some(vertex),
+            compilation_options: Default::default(),
+            buffers,
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: on_screen.then(|| wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Less),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState {
+            count: if on_screen { SAMPLES } else { 1 },
+            // Hair, lashes and lenses need no order.
+            alpha_to_coverage_enabled: on_screen,
+            ..wgpu::MultisampleState::default()
+        },
+        fragment: Some(wgpu::FragmentState {
+            module: module,
+            entry_point: Some(fragment),
+            compilation_options: options,
+            targets: &[Some(wgpu::ColorTargetState { format, blend: None, write_mask })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
 }

@@ -16,6 +16,8 @@ struct View {
     line_width: f32,
     // The strain at the ends of the colours.
     range: f32,
+    // Strength of the rigidity map over textures, 0..1.
+    overlay: f32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -239,10 +241,21 @@ fn surface(p: Pixel) -> @location(0) vec4f {
 
     let toward = normalize(view.eye.xyz - p.position);
     var n = normalize(p.normal);
-    n = select(n, -n, dot(n, toward) < 0.0);
+    // The side of the face that is seen: near an outline n itself may point away.
+    let face = cross(dpdx(p.position), dpdy(p.position));
+    n = select(n, -n, dot(n, face) * dot(face, toward) < 0.0);
+    // Vertices that are one have one normal: edges that it misses by far are hard.
+    let plane = normalize(face) * sign(dot(face, n));
+    n = normalize(mix(plane, n, smoothstep(0.5, 0.8, dot(plane, n))));
     let skin = n;
     var colour = vec3f(0.0);
     var shine = 0.10;
+    var alpha = 1.0;
+    if textureDimensions(paint).x > 1u {
+        let texel = textureSampleGrad(paint, rigidity_sampler, at.uv, at.by_x, at.by_y);
+        colour = texel.rgb;
+        alpha = texel.a;
+    }
     if view.shown == 1.0 {
         colour = mix(vec3f(0.035, 0.05, 0.075), vec3f(0.92, 0.90, 0.86), clamp(r, 0.0, 1.0));
     } else if view.shown == 2.0 {
@@ -250,7 +263,9 @@ fn surface(p: Pixel) -> @location(0) vec4f {
         colour = mix(vec3f(0.055, 0.06, 0.07), inside, stud);
         shine = 0.03;
     } else if textureDimensions(paint).x > 1u {
-        colour = textureSampleGrad(paint, rigidity_sampler, at.uv, at.by_x, at.by_y).rgb;
+        let outline = 1.0 - smoothstep(0.5, 1.5, abs(r - 0.5) / edge);
+        colour = mix(colour, vec3f(0.02, 0.55, 0.60), 0.55 * view.overlay * clamp(r, 0.0, 1.0));
+        colour = mix(colour, vec3f(0.80, 0.95, 0.95), view.overlay * outline);
     } else {
         // Colours vary over the tile, so that no two places look alike.
         let own = content(at.uv);
@@ -284,7 +299,7 @@ fn surface(p: Pixel) -> @location(0) vec4f {
         let on = lines(at.uv * view.lines, footprint * view.lines, view.line_width);
         colour = mix(colour, vec3f(0.72, 0.86, 0.90), 0.85 * on);
     }
-    return vec4f(lit(colour, shine, n, toward), 1.0);
+    return vec4f(lit(colour, shine, n, toward), alpha);
 }
 
 // A light over the viewer's left shoulder, and a sky.

@@ -95,24 +95,17 @@ impl File {
     /// Numbers of an accessor, one element after the other; those that are normalized lie between -1 and 1.
     pub fn numbers(&self, index: Index<Accessor>, of: Type) -> Result<Vec<f32>, String> {
         let Raw { component, normalized, bytes } = self.raw(index, of)?;
-        let whole = |largest: f32| if normalized { largest } else { 1.0 };
-        let numbers: Vec<f32> = match component {
-            ComponentType::I8 => {
-                bytes.iter().map(|&b| (b as i8).into()).map(|x: f32| x / whole(127.0)).collect()
-            }
-            ComponentType::U8 => bytes.iter().map(|&b| f32::from(b) / whole(255.0)).collect(),
-            ComponentType::I16 => {
-                pairs(&bytes).map(|b| f32::from(i16::from_le_bytes(b)) / whole(32767.0)).collect()
-            }
-            ComponentType::U16 => {
-                pairs(&bytes).map(|b| f32::from(u16::from_le_bytes(b)) / whole(65535.0)).collect()
-            }
-            ComponentType::U32 => fours(&bytes).map(|b| u32::from_le_bytes(b) as f32).collect(),
-            ComponentType::F32 => fours(&bytes).map(f32::from_le_bytes).collect(),
+        let largest = match component {
+            ComponentType::I8 if normalized => 127.0,
+            ComponentType::U8 if normalized => 255.0,
+            ComponentType::I16 if normalized => 32767.0,
+            ComponentType::U16 if normalized => 65535.0,
+            _ => 1.0,
         };
+        let least = if normalized { -1.0 } else { f64::MIN };
+        let numbers: Vec<f32> = decoded(&bytes, component).map(|x| (x / largest).max(least) as f32).collect();
         match numbers.iter().position(|x| !x.is_finite()) {
             Some(at) => Err(format!("accessor {}: number {at} is {}", index.value(), numbers[at])),
-            None if normalized => Ok(numbers.into_iter().map(|x| x.max(-1.0)).collect()),
             None => Ok(numbers),
         }
     }
@@ -125,12 +118,10 @@ impl File {
     /// Whole numbers of an accessor, one element after the other.
     pub fn integers(&self, index: Index<Accessor>, of: Type) -> Result<Vec<u32>, String> {
         let Raw { component, bytes, .. } = self.raw(index, of)?;
-        match component {
-            ComponentType::U8 => Ok(bytes.into_iter().map(u32::from).collect()),
-            ComponentType::U16 => Ok(pairs(&bytes).map(|b| u16::from_le_bytes(b).into()).collect()),
-            ComponentType::U32 => Ok(fours(&bytes).map(u32::from_le_bytes).collect()),
-            _ => Err(format!("accessor {} holds no unsigned integers", index.value())),
+        if !matches!(component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
+            return Err(format!("accessor {} holds no unsigned integers", index.value()));
         }
+        Ok(decoded(&bytes, component).map(|x| x as u32).collect())
     }
 
     fn raw(&self, index: Index<Accessor>, of: Type) -> Result<Raw, String> {
@@ -221,10 +212,13 @@ fn json(bytes: &[u8]) -> Result<Root, String> {
     gltf::json::deserialize::from_slice(bytes).map_err(|error| format!("is no glTF: {error}"))
 }
 
-fn pairs(bytes: &[u8]) -> impl Iterator<Item = [u8; 2]> {
-    bytes.chunks_exact(2).map(|b| [b[0], b[1]])
-}
-
-fn fours(bytes: &[u8]) -> impl Iterator<Item = [u8; 4]> {
-    bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]])
+fn decoded(bytes: &[u8], component: ComponentType) -> impl Iterator<Item = f64> {
+    bytes.chunks_exact(component.size()).map(move |b| match component {
+        ComponentType::I8 => (b[0] as i8).into(),
+        ComponentType::U8 => b[0].into(),
+        ComponentType::I16 => i16::from_le_bytes([b[0], b[1]]).into(),
+        ComponentType::U16 => u16::from_le_bytes([b[0], b[1]]).into(),
+        ComponentType::U32 => u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into(),
+        ComponentType::F32 => f32::from_le_bytes([b[0], b[1], b[2], b[3]]).into(),
+    })
 }

@@ -2,14 +2,18 @@
 //! one, so that the surface holds together at the seams of the UV map, and each corner has its own UV.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
+use glam::{DMat4, Mat4};
 use gltf::json::accessor::Type;
+use gltf::json::material::AlphaMode;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Index};
 
 use super::file::File;
-use super::subject::{Subject, attribute, uvs};
+use super::nodes::Nodes;
+use super::subject::{Subject, attribute, has_triangles, uvs};
 use crate::mesh::Mesh;
 
 /// Most tiles that UDIM numbers reach.
@@ -21,13 +25,22 @@ pub struct Geometry {
     /// Without its positions.
     pub mesh: Mesh,
     pub points: Vec<[f32; 3]>,
-    /// Joints of the skin and their weights, which add up to 1, per vertex; empty without a skin.
+    pub bones: Vec<Bone>,
+    /// Bones and their weights, which add up to 1, per vertex.
     pub influences: Vec<Vec<(u32, f64)>>,
     pub targets: Vec<Target>,
     /// Materials, a tile each: those with the same textures share one.
     pub materials: Vec<Material>,
     vertices: HashMap<Vec<u32>, u32>,
     corners: HashMap<(u32, [u32; 2]), u32>,
+}
+
+/// A joint of a skin, or the node of a mesh without one.
+pub struct Bone {
+    pub node: usize,
+    pub inverse_bind: DMat4,
+    /// The topmost bone of its skin.
+    pub top: usize,
 }
 
 /// A morph target.
@@ -40,21 +53,27 @@ pub struct Target {
 }
 
 /// Images of a material.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     pub colour: Option<Index<json::Image>>,
     pub normal: Option<Index<json::Image>>,
-    /// Number of a material without a colour.
+    /// Factors of red, green, blue and alpha, linear.
+    pub factor: [f32; 4],
+    /// Alpha from which a texel is there: 0 throughout where it is opaque; `None` where it is blended.
+    pub cutoff: Option<f32>,
+    /// Number of a material without an image.
     number: Option<usize>,
 }
 
 impl Geometry {
-    pub fn read(file: &File, subject: &Subject) -> Result<Geometry, String> {
+    pub fn read(file: &File, nodes: &Nodes, subject: &Subject) -> Result<Geometry, String> {
         let mut geometry = Geometry::default();
         for &node in &subject.nodes {
             let Some(mesh) = file.root.nodes[node].mesh.and_then(|mesh| file.root.get(mesh)) else {
                 continue;
             };
+            let bones = geometry.bones(file, nodes, node)?;
+            let is_skinned = file.root.nodes[node].skin.is_some();
             let first = geometry.targets.len();
             let names = target_names(mesh);
             let count = mesh.primitives.iter().map(|part| part.targets.as_ref().map_or(0, Vec::len)).max();
@@ -62,8 +81,8 @@ impl Geometry {
                 let name = names.get(k).cloned().unwrap_or_else(|| format!("target {k}"));
                 geometry.targets.push(Target { name, weight: (node, k), moves: Vec::new() });
             }
-            for part in &mesh.primitives {
-                geometry.add(file, part, subject, first)?;
+            for part in mesh.primitives.iter().filter(|part| has_triangles(part)) {
+                geometry.add(file, part, (&bones, is_skinned), first)?;
             }
         }
         match geometry.points.is_empty() {
@@ -72,17 +91,42 @@ impl Geometry {
         }
     }
 
+    /// The bones of a node's mesh: the joints of its skin, or itself. Skins that are alike share theirs.
+    fn bones(&mut self, file: &File, nodes: &Nodes, node: usize) -> Result<Range<u32>, String> {
+        let joints = match file.root.nodes[node].skin {
+            Some(skin) => joints(file, skin).map_err(|reason| format!("skin {}: {reason}", skin.value()))?,
+            None => vec![(node, DMat4::IDENTITY)],
+        };
+        let count = joints.len();
+        let is = |(bone, joint): (&Bone, &(usize, DMat4))| (bone.node, bone.inverse_bind) == *joint;
+        let known = self.bones.windows(count).position(|bones| bones.iter().zip(&joints).all(is));
+        let first = known.unwrap_or(self.bones.len());
+        if known.is_none() {
+            let of_joints: Vec<usize> = joints.iter().map(|joint| joint.0).collect();
+            let top = first + nodes.topmost(&of_joints).unwrap_or(0);
+            let bone = |(node, inverse_bind)| Bone { node, inverse_bind, top };
+            self.bones.extend(joints.into_iter().map(bone));
+        }
+        Ok(first as u32..(first + count) as u32)
+    }
+
     /// Adds triangles; `first` is the first target of their node.
-    fn add(&mut self, file: &File, part: &Primitive, subject: &Subject, first: usize) -> Result<(), String> {
-        let Some(of_uvs) = uvs(file, part) else { return Ok(()) };
+    fn add(
+        &mut self,
+        file: &File,
+        part: &Primitive,
+        (bones, is_skinned): (&Range<u32>, bool),
+        first: usize,
+    ) -> Result<(), String> {
         let positions = attribute(part, Semantic::Positions).ok_or("a mesh has no positions")?;
         let points = file.points(positions)?;
         let source = Source {
-            uvs: placed(file, part, &file.numbers(of_uvs, Type::Vec2)?),
-            influences: match &subject.skin {
-                Some(skin) => influences(file, part, points.len(), skin.joints.len())?,
-                None => Vec::new(),
+            uvs: match uvs(file, part) {
+                Some(uvs) => placed(file, part, &file.numbers(uvs, Type::Vec2)?),
+                // Nothing of them can be painted or moves on the texture: they are there to be seen.
+                None => vec![[0.5; 2]; points.len()],
             },
+            influences: influences(file, part, points.len(), bones, is_skinned)?,
             targets: part
                 .targets
                 .iter()
@@ -129,18 +173,18 @@ impl Geometry {
         let point = source.points[index];
         // -0 is 0.
         let bits = |p: [f32; 3]| p.map(|x| (x + 0.0).to_bits());
-        let influences = source.influences.get(index);
+        let influences = &source.influences[index];
         let moves = source.targets.iter().zip(first..).filter_map(|(target, number)| {
             let by = target.as_ref()?[index];
             (by != [0.0; 3]).then_some((number, by))
         });
         let moves: Vec<(usize, [f32; 3])> = moves.collect();
         let mut key = bits(point).to_vec();
-        for (joint, weight) in influences.into_iter().flatten() {
+        for (joint, weight) in influences {
             key.extend([*joint, (*weight as f32).to_bits()]);
         }
         for (target, by) in &moves {
-            // No joint.
+            // No bone.
             key.extend([u32::MAX, *target as u32]);
             key.extend(bits(*by));
         }
@@ -148,7 +192,7 @@ impl Geometry {
         let vertex = *self.vertices.entry(key).or_insert(next);
         if vertex == next {
             self.points.push(point);
-            self.influences.extend(influences.cloned());
+            self.influences.push(influences.clone());
             for (target, by) in moves {
                 self.targets[target].moves.push((vertex, by));
             }
@@ -165,11 +209,18 @@ impl Geometry {
                 .map(|texture| texture.source)
                 .filter(|image| file.root.get(*image).is_some())
         };
-        let colour = material.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref());
+        let seen = material.filter(|_| uvs(file, part).is_some());
+        let colour = seen.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref());
         let colour = colour.and_then(|info| image(info.index));
-        let normal = material.and_then(|m| m.normal_texture.as_ref()).and_then(|info| image(info.index));
+        let normal = seen.and_then(|m| m.normal_texture.as_ref()).and_then(|info| image(info.index));
         let number = part.material.filter(|_| colour.is_none()).map(|material| material.value());
-        let material = Material { colour, normal, number };
+        let factor = material.map_or([1.0; 4], |m| m.pbr_metallic_roughness.base_color_factor.0);
+        let cutoff = material.map_or(Some(0.0), |m| match m.alpha_mode {
+            Checked::Valid(AlphaMode::Mask) => Some(m.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0)),
+            Checked::Valid(AlphaMode::Blend) => None,
+            _ => Some(0.0),
+        });
+        let material = Material { colour, normal, factor, cutoff, number };
         let place = self.materials.iter().position(|other| *other == material);
         let place = place.unwrap_or(self.materials.len());
         if place == self.materials.len() {
@@ -233,15 +284,35 @@ fn in_tile(uvs: [[f64; 2]; 3], tile: usize) -> [[f32; 2]; 3] {
     placed
 }
 
-/// Joints and weights of each vertex; without a weight it follows the first joint.
+/// The joints of a skin, with their inverse bind matrices.
+fn joints(file: &File, skin: Index<json::Skin>) -> Result<Vec<(usize, DMat4)>, String> {
+    let skin = file.root.get(skin).ok_or("is missing")?;
+    let joints: Vec<usize> = skin.joints.iter().map(|joint| joint.value()).collect();
+    if let Some(joint) = joints.iter().find(|&&joint| joint >= file.root.nodes.len()) {
+        return Err(format!("node {joint} is missing"));
+    }
+    let binds = skin.inverse_bind_matrices.map(|matrices| file.numbers(matrices, Type::Mat4)).transpose()?;
+    let binds: Vec<DMat4> = match &binds {
+        Some(numbers) => numbers.as_chunks().0.iter().map(|m| Mat4::from_cols_array(m).as_dmat4()).collect(),
+        None => vec![DMat4::IDENTITY; joints.len()],
+    };
+    if joints.is_empty() || binds.len() < joints.len() {
+        return Err(format!("{} inverse bind matrices for {} joints", binds.len(), joints.len()));
+    }
+    Ok(joints.into_iter().zip(binds).collect())
+}
+
+/// Bones and weights of each vertex; without a weight it follows the first bone.
 fn influences(
     file: &File,
     part: &Primitive,
     count: usize,
-    joints: usize,
+    bones: &Range<u32>,
+    is_skinned: bool,
 ) -> Result<Vec<Vec<(u32, f64)>>, String> {
     let mut all = vec![Vec::new(); count];
-    for set in 0.. {
+    let sets = if is_skinned { 0..u32::MAX } else { 0..0 };
+    for set in sets {
         let of = |semantic| attribute(part, semantic);
         let (Some(of_joints), Some(of_weights)) = (of(Semantic::Joints(set)), of(Semantic::Weights(set)))
         else {
@@ -258,10 +329,10 @@ fn influences(
         }
         for (k, (&joint, &weight)) in places.iter().zip(&weights).enumerate() {
             if weight > 0.0 {
-                if joint as usize >= joints {
-                    return Err(format!("vertex {}: joint {joint} of {joints}", k / 4));
+                if joint as usize >= bones.len() {
+                    return Err(format!("vertex {}: joint {joint} of {}", k / 4, bones.len()));
                 }
-                all[k / 4].push((joint, f64::from(weight)));
+                all[k / 4].push((bones.start + joint, f64::from(weight)));
             }
         }
     }
@@ -270,7 +341,7 @@ fn influences(
         vertex.iter_mut().for_each(|(_, weight)| *weight /= sum);
         vertex.sort_by_key(|(joint, _)| *joint);
         if vertex.is_empty() {
-            vertex.push((0, 1.0));
+            vertex.push((bones.start, 1.0));
         }
     }
     Ok(all)

@@ -27,7 +27,7 @@ use rig::Rig;
 /// The part of a file to open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// Name of a mesh; `None` = the largest.
+    /// Name of a mesh; `None` = all.
     pub mesh: Option<String>,
     /// Name of an animation; `None` = the longest.
     pub animation: Option<String>,
@@ -69,7 +69,7 @@ impl From<Source> for Opened {
 
 /// True if a path is that of a glTF file.
 pub fn is_gltf(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf") || e.eq_ignore_ascii_case("glb"))
+    path.extension().is_some_and(|e| ["gltf", "glb", "vrm"].iter().any(|end| e.eq_ignore_ascii_case(end)))
 }
 
 /// Opens a file.
@@ -94,7 +94,7 @@ fn read(path: &Path, choice: &Choice) -> std::result::Result<Opened, String> {
     let nodes = Nodes::new(&file.root)?;
     let subjects = subject::list(&file, &nodes)?;
     let mesh = subject::choose(&subjects, choice.mesh.as_deref())?;
-    let geometry = Geometry::read(&file, &subjects[mesh])?;
+    let geometry = Geometry::read(&file, &nodes, &subjects[mesh])?;
     let animations = motion::names(&file.root);
     let animation = match &choice.animation {
         None => motion::longest(&file)?,
@@ -105,7 +105,7 @@ fn read(path: &Path, choice: &Choice) -> std::result::Result<Opened, String> {
                 .ok_or_else(|| format!("no animation \"{name}\"; there are: {}", animations.join(", ")))?,
         ),
     };
-    let rig = Rig::new(&file, &nodes, &subjects[mesh], &geometry);
+    let rig = Rig::new(&file, &nodes, &geometry);
     let rest = rig.rest();
     let (poses, numbers) = match animation {
         Some(index) => {

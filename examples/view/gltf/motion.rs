@@ -80,11 +80,9 @@ impl Animation {
         for Channel { node, property, track } in &self.channels {
             let value = track.at(time, *property == Property::Rotation);
             match property {
-                Property::Translation => locals[*node].parts().translation = DVec3::from_slice(&value),
-                Property::Scale => locals[*node].parts().scale = DVec3::from_slice(&value),
-                Property::Rotation => {
-                    locals[*node].parts().rotation = rotation([value[0], value[1], value[2], value[3]]);
-                }
+                Property::Translation => locals[*node].translation = DVec3::from_slice(&value),
+                Property::Scale => locals[*node].scale = DVec3::from_slice(&value),
+                Property::Rotation => locals[*node].rotation = rotation(&value),
                 Property::MorphTargetWeights => weights[*node] = value,
             }
         }
@@ -138,7 +136,10 @@ impl Track {
         let (length, t) = (end - start, (time - start) / (end - start));
         match self.interpolation {
             Interpolation::Step => self.value(key, 1),
-            Interpolation::Linear if turns => slerp(&self.value(key, 1), &self.value(after, 1), t),
+            Interpolation::Linear if turns => {
+                let [from, to] = [key, after].map(|key| rotation(&self.value(key, 1)));
+                from.slerp(to, t).to_array().into()
+            }
             Interpolation::Linear => mix([(&self.value(key, 1), 1.0 - t), (&self.value(after, 1), t)]),
             // The cubic Hermite spline; its tangents are per second.
             Interpolation::CubicSpline => {
@@ -162,15 +163,6 @@ impl Track {
 
 fn mix<const N: usize>(parts: [(&Vec<f64>, f64); N]) -> Vec<f64> {
     (0..parts[0].0.len()).map(|k| parts.iter().map(|(value, weight)| value[k] * weight).sum()).collect()
-}
-
-/// From one rotation to the other, the shorter way and at constant speed.
-fn slerp(a: &Vec<f64>, b: &Vec<f64>, t: f64) -> Vec<f64> {
-    let dot: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
-    let angle = dot.abs().min(1.0).acos();
-    let [from, to] =
-        if angle > 1e-6 { [1.0 - t, t].map(|t| (t * angle).sin() / angle.sin()) } else { [1.0 - t, t] };
-    mix([(a, from), (b, to.copysign(dot))])
 }
 
 #[cfg(test)]
@@ -203,7 +195,7 @@ mod tests {
         for sign in [1.0, -1.0] {
             let track = track(Interpolation::Linear, &turn(sign), 4);
             // A third of a quarter turn.
-            let q = rotation(track.at(1.0 + 2.0 / 3.0, true).try_into().expect("four numbers"));
+            let q = rotation(&track.at(1.0 + 2.0 / 3.0, true));
             let angle = 2.0 * (q.z / q.w).atan();
             assert!((angle - std::f64::consts::PI / 6.0).abs() < 1e-7, "{angle}");
         }

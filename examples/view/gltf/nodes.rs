@@ -4,15 +4,8 @@ use glam::{DMat4, DQuat, DVec3};
 use gltf::json::{Index, Node, Root};
 
 /// A node's transform relative to its parent.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Local {
-    Matrix(DMat4),
-    Parts(Parts),
-}
-
-/// Translation, rotation and scale.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parts {
+#[derive(Clone, Copy, Debug)]
+pub struct Local {
     pub translation: DVec3,
     pub rotation: DQuat,
     pub scale: DVec3,
@@ -21,40 +14,21 @@ pub struct Parts {
 impl Local {
     fn of(node: &Node) -> Local {
         if let Some(matrix) = node.matrix {
-            return Local::Matrix(DMat4::from_cols_array(&matrix.map(f64::from)));
+            let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
+            let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
+            return Local { translation, rotation, scale };
         }
         let vector =
             |v: Option<[f32; 3]>, default| v.map_or(default, |v| DVec3::from_array(v.map(f64::from)));
-        let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| rotation(q.0.map(f64::from)));
+        let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| rotation(&q.0.map(f64::from)));
         let translation = vector(node.translation, DVec3::ZERO);
-        Local::Parts(Parts { translation, rotation, scale: vector(node.scale, DVec3::ONE) })
-    }
-
-    fn matrix(&self) -> DMat4 {
-        match *self {
-            Local::Matrix(matrix) => matrix,
-            Local::Parts(Parts { translation, rotation, scale }) => {
-                DMat4::from_scale_rotation_translation(scale, rotation, translation)
-            }
-        }
-    }
-
-    /// The parts, to change one of them.
-    pub fn parts(&mut self) -> &mut Parts {
-        if let Local::Matrix(matrix) = *self {
-            let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
-            *self = Local::Parts(Parts { translation, rotation, scale });
-        }
-        match self {
-            Local::Parts(parts) => parts,
-            Local::Matrix(_) => unreachable!("made of its matrix"),
-        }
+        Local { translation, rotation, scale: vector(node.scale, DVec3::ONE) }
     }
 }
 
 /// A rotation; the identity if all four numbers are 0.
-pub fn rotation(q: [f64; 4]) -> DQuat {
-    let q = DQuat::from_array(q);
+pub fn rotation(q: &[f64]) -> DQuat {
+    let q = DQuat::from_slice(q);
     if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY }
 }
 
@@ -96,7 +70,8 @@ impl Nodes {
         let mut globals = vec![DMat4::IDENTITY; locals.len()];
         for &node in &self.order {
             let parent = self.parents[node].map_or(DMat4::IDENTITY, |parent| globals[parent]);
-            globals[node] = parent * locals[node].matrix();
+            let Local { translation, rotation, scale } = locals[node];
+            globals[node] = parent * DMat4::from_scale_rotation_translation(scale, rotation, translation);
         }
         globals
     }

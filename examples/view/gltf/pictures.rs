@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use eframe::egui::ecolor::{gamma_u8_from_linear_f32, linear_f32_from_gamma_u8};
 use gltf::json::{self, Index};
-use image::RgbaImage;
+use image::{Rgba, RgbaImage};
 
 use super::file::File;
 use super::geometry::Material;
@@ -30,9 +31,31 @@ pub fn read(file: &mut File, materials: &[Material]) -> (OfTiles, Option<String>
         read.clone()
     };
     let of_material = |(place, material): (usize, &Material)| {
-        (udim(place), [picture(material.colour), picture(material.normal)])
+        (udim(place), [coloured(picture(material.colour), material), picture(material.normal)])
     };
     (materials.iter().enumerate().map(of_material).collect(), failed)
+}
+
+/// A texture by the factors of its material; without an image, one of its colour, unless that is white.
+fn coloured(image: Option<Arc<RgbaImage>>, material: &Material) -> Option<Arc<RgbaImage>> {
+    let &Material { factor, cutoff, colour, .. } = material;
+    let is_plain = factor == [1.0; 4];
+    let mut image = match image {
+        None if is_plain || colour.is_some() => return None,
+        None => RgbaImage::from_pixel(2, 2, Rgba([255; 4])).into(),
+        Some(image) if is_plain && image.pixels().all(|pixel| pixel.0[3] == 255) => return Some(image),
+        Some(image) => image,
+    };
+    let by = |factor: f32| -> [u8; 256] {
+        std::array::from_fn(|k| gamma_u8_from_linear_f32(factor * linear_f32_from_gamma_u8(k as u8)))
+    };
+    let [red, green, blue] = [0, 1, 2].map(|c| by(factor[c]));
+    for Rgba([r, g, b, a]) in Arc::make_mut(&mut image).pixels_mut() {
+        [*r, *g, *b] = [red[*r as usize], green[*g as usize], blue[*b as usize]];
+        let alpha = factor[3] * f32::from(*a);
+        *a = cutoff.map_or(alpha, |cutoff| if alpha >= 255.0 * cutoff { 255.0 } else { 0.0 }) as u8;
+    }
+    Some(image)
 }
 
 fn decode(file: &mut File, index: Index<json::Image>) -> Result<RgbaImage, String> {

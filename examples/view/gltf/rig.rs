@@ -1,12 +1,13 @@
 //! Poses of a mesh: what its nodes, its skin and its morph targets make of it.
 
+use std::collections::HashSet;
+
 use glam::{DMat4, DVec3};
 
 use super::file::File;
-use super::geometry::Geometry;
+use super::geometry::{Bone, Geometry, Target};
 use super::motion::Animation;
 use super::nodes::{Local, Nodes};
-use super::subject::Subject;
 
 /// Most poses, and most points of all poses together.
 const MOST_POSES: i64 = 2_000;
@@ -21,12 +22,11 @@ const STILL: f64 = 1e-5;
 /// A mesh, and what moves it.
 pub struct Rig<'a> {
     pub nodes: &'a Nodes,
-    pub subject: &'a Subject,
     pub geometry: &'a Geometry,
     /// Weights of morph targets per node where nothing is animated.
     weights: Vec<Vec<f64>>,
-    /// From the mesh to the world at rest.
-    rest: DMat4,
+    /// From the mesh to the world at rest, per bone.
+    rest: Vec<DMat4>,
 }
 
 /// A pose with its name.
@@ -36,64 +36,59 @@ pub struct Pose {
 }
 
 impl<'a> Rig<'a> {
-    pub fn new(file: &File, nodes: &'a Nodes, subject: &'a Subject, geometry: &'a Geometry) -> Rig<'a> {
+    pub fn new(file: &File, nodes: &'a Nodes, geometry: &'a Geometry) -> Rig<'a> {
         let weights = file.root.nodes.iter().map(|node| {
             let of_mesh = || node.mesh.and_then(|mesh| file.root.get(mesh)?.weights.clone());
             let weights = node.weights.clone().or_else(of_mesh).unwrap_or_default();
             weights.into_iter().map(f64::from).collect()
         });
-        let mut rig = Rig { nodes, subject, geometry, weights: weights.collect(), rest: DMat4::IDENTITY };
+        let mut rig = Rig { nodes, geometry, weights: weights.collect(), rest: Vec::new() };
         let matrices = rig.matrices(&nodes.locals);
         // In the bind pose all joints have the same matrix. The topmost one's leads to the world, with the size that
         // the poses have; a movement of the whole is none of the skin's.
-        let top = subject.skin.as_ref().and_then(|skin| nodes.topmost(&skin.joints)).unwrap_or(0);
-        let rest = matrices[top];
-        if rest.is_finite() && rest.determinant() != 0.0 {
-            rig.rest = rest;
-        }
+        let is_sound = |matrix: &DMat4| matrix.is_finite() && matrix.determinant() != 0.0;
+        let rest = |bone: &Bone| Some(matrices[bone.top]).filter(is_sound).unwrap_or_default();
+        rig.rest = geometry.bones.iter().map(rest).collect();
         rig
     }
 
-    /// The matrix of each joint, or of the node.
+    /// The matrix of each bone.
     fn matrices(&self, locals: &[Local]) -> Vec<DMat4> {
         let globals = self.nodes.globals(locals);
-        let Some(skin) = &self.subject.skin else { return vec![globals[self.subject.nodes[0]]] };
-        let inverse = |k: usize| match skin.inverse_bind.get(16 * k..16 * k + 16) {
-            Some(columns) => DMat4::from_cols_array(&std::array::from_fn(|i| columns[i].into())),
-            None => DMat4::IDENTITY,
-        };
-        skin.joints.iter().enumerate().map(|(k, &joint)| globals[joint] * inverse(k)).collect()
+        self.geometry.bones.iter().map(|bone| globals[bone.node] * bone.inverse_bind).collect()
     }
 
-    /// The mesh's own points, with morph targets by their weights.
-    fn morphed(&self, weight: impl Fn((usize, usize)) -> f64) -> Vec<DVec3> {
+    /// Points moved by the morph targets with their weights, and by the bones with their matrices.
+    fn moved(&self, matrices: &[DMat4], weight: impl Fn(&Target) -> f64) -> Vec<[f32; 3]> {
         let mut points: Vec<DVec3> = self.geometry.points.iter().map(|&p| vector(p)).collect();
         for target in &self.geometry.targets {
-            let weight = weight(target.weight);
+            let weight = weight(target);
             if weight != 0.0 {
                 target.moves.iter().for_each(|&(v, by)| points[v as usize] += weight * vector(by));
             }
         }
-        points
+        let moved = points.into_iter().zip(&self.geometry.influences).map(|(point, influences)| {
+            let by = |&(bone, weight): &(u32, f64)| matrices[bone as usize].transform_point3(point) * weight;
+            influences.iter().map(by).sum::<DVec3>().as_vec3().to_array()
+        });
+        moved.collect()
     }
 
-    /// The bind pose, or that of a mesh without a skin.
+    /// The bind pose, and that of meshes without a skin.
     pub fn rest(&self) -> Vec<[f32; 3]> {
-        moved(self.morphed(|_| 0.0), |_| self.rest)
+        self.moved(&self.rest, |_| 0.0)
     }
 
     fn pose(&self, locals: &[Local], weights: &[Vec<f64>]) -> Vec<[f32; 3]> {
-        let matrices = self.matrices(locals);
-        let points = self.morphed(|(node, k)| weights[node].get(k).copied().unwrap_or(0.0));
-        moved(points, |vertex| match self.geometry.influences.get(vertex) {
-            Some(influences) => influences
-                .iter()
-                .fold(DMat4::ZERO, |sum, &(joint, weight)| sum + matrices[joint as usize] * weight),
-            None => matrices[0],
-        })
+        let weight = |target: &Target| {
+            let (node, k) = target.weight;
+            weights[node].get(k).copied().unwrap_or(0.0)
+        };
+        self.moved(&self.matrices(locals), weight)
     }
 
-    /// Poses of a file without animations: that of its nodes, if it is another one than rest, and each morph target.
+    /// Poses of a file without animations: that of its nodes, if it is another one than rest, and each morph target,
+    /// once for all meshes that have it.
     pub fn shapes(&self) -> Vec<Pose> {
         let (rest, posed) = (self.rest(), self.pose(&self.nodes.locals, &self.weights));
         let size = rest.iter().map(|&p| vector(p).distance(vector(rest[0]))).fold(0.0, f64::max);
@@ -105,9 +100,13 @@ impl<'a> Rig<'a> {
             poses.push(Pose { name: "posed".into(), points: posed });
         }
         let most = MOST_POSES.min(MOST_POINTS / rest.len() as i64) as usize;
-        for target in self.geometry.targets.iter().take(most) {
-            let points = moved(self.morphed(|weight| f64::from(weight == target.weight)), |_| self.rest);
-            poses.push(Pose { name: target.name.clone(), points });
+        // Meshes that move together, such as a head and its teeth, have targets of the same name.
+        let mut names: Vec<&str> = self.geometry.targets.iter().map(|target| target.name.as_str()).collect();
+        let mut known = HashSet::new();
+        names.retain(|name| known.insert(*name));
+        for name in names.into_iter().take(most) {
+            let points = self.moved(&self.rest, |target| f64::from(u8::from(target.name == name)));
+            poses.push(Pose { name: name.into(), points });
         }
         poses
     }
@@ -134,11 +133,6 @@ impl<'a> Rig<'a> {
         };
         Ok((numbers.iter().map(pose).collect(), numbers))
     }
-}
-
-fn moved(points: Vec<DVec3>, by: impl Fn(usize) -> DMat4) -> Vec<[f32; 3]> {
-    let moved = points.into_iter().enumerate().map(|(vertex, point)| by(vertex).transform_point3(point));
-    moved.map(|p| p.to_array().map(|x| x as f32)).collect()
 }
 
 fn vector(p: [f32; 3]) -> DVec3 {

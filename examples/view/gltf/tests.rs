@@ -182,7 +182,7 @@ fn nodes_move_meshes_without_a_skin() {
         assert_eq!(triangle.udim, 1001);
         for (vertex, [u, v]) in triangle.vertices.into_iter().zip(triangle.uvs) {
             let [x, y] = flat[vertex as usize];
-            assert_eq!([u as f32, v as f32], [0.5 * x, 0.5 * y]);
+            assert!((u as f32 - 0.5 * x).abs() < 1e-6 && (v as f32 - 0.5 * y).abs() < 1e-6, "{u} {v}");
         }
     }
 }
@@ -222,28 +222,49 @@ fn numbers_may_be_sparse_packed_or_of_bytes() {
     assert!(open("sparse", &tiny.glb(), &slow()).err().expect("damaged").0.contains("sparse value"));
 }
 
-/// Meshes of one skin are one, and each of them can be opened alone; each material has a tile.
+/// All meshes are one, with a mesh that a bone carries and that has no UVs, and each of the others can be opened alone;
+/// each material has a tile, and targets of one name are one pose.
 #[test]
-fn meshes_of_a_skin_are_joined_or_chosen() {
+fn meshes_are_opened_together_or_alone() {
     let mut tiny = Tiny::strip();
     let mut other = tiny.json["meshes"][0].clone();
     other["primitives"][0]["material"] = json!(1);
     tiny.push("meshes", other);
-    tiny.json["materials"] = json!([{}, {}]);
+    tiny.json["materials"] =
+        json!([{}, {}, { "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0, 1, 1] } }]);
     tiny.push("nodes", json!({ "mesh": 1, "skin": 0, "name": "lining" }));
+    let points = tiny.floats("VEC3", &[0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 2.0, 0.0]);
+    let hat = json!({ "attributes": { "POSITION": points }, "material": 2 });
+    tiny.push("meshes", json!({ "primitives": [hat] }));
+    tiny.push("nodes", json!({ "mesh": 2, "name": "hat" }));
+    tiny.json["nodes"][2]["children"] = json!([5]);
     tiny.json["scenes"][0]["nodes"] = json!([0, 3, 4]);
     let model = open("joined", &tiny.glb(), &slow()).expect("a model");
     let contents = model.contents.as_ref().expect("a glTF file");
-    assert_eq!((contents.meshes[contents.mesh].as_str(), contents.meshes.len()), ("strip + lining", 3));
+    assert_eq!((contents.mesh, contents.meshes.join(" ").as_str()), (0, "all meshes strip lining"));
     // The ends, which targets of two nodes move, stay apart.
-    assert_eq!((model.triangles.len(), model.rest.len()), (16, 12));
-    assert_eq!(model.pages.iter().map(|page| page.udim).collect::<Vec<_>>(), [1001, 1002]);
+    assert_eq!((model.triangles.len(), model.rest.len()), (17, 15));
+    assert_eq!(model.pages.iter().map(|page| page.udim).collect::<Vec<_>>(), [1001, 1002, 1003]);
+    // Half of the light is 188 in sRGB. White is no colour to draw with.
+    let colours: Vec<_> =
+        model.pictures.colours.iter().map(|c| c.as_ref().map(|c| c.get_pixel(0, 0).0)).collect();
+    assert_eq!(colours, [None, None, Some([188, 0, 255, 255])]);
+    // The bone is 1 above the strip's middle, and lies flat at the end.
+    let close = |a: [f32; 3], b: [f32; 3]| (0..3).all(|c| (a[c] - b[c]).abs() < 1e-5);
+    let hat = model.rest.len() - 3..model.rest.len();
+    assert!(hat.clone().any(|at| close(model.rest[at], [12.0, 0.0, -4.0])), "{:?}", &model.rest[hat]);
+    assert!(hat.clone().any(|at| close(model.poses[4][at], [8.0, 0.0, -4.0])), "{:?}", &model.poses[4][hat]);
     let choice = Choice { mesh: Some("lining".into()), ..slow() };
     let alone = open("joined", &tiny.glb(), &choice).expect("a model");
     assert_eq!((alone.triangles.len(), alone.rest.len(), alone.pages.len()), (8, 9, 1));
     let choice = Choice { mesh: Some("hat".into()), ..slow() };
-    let failed = open("joined", &tiny.glb(), &choice).err().expect("no hat");
-    assert!(failed.0.ends_with("no mesh \"hat\"; there are: strip + lining, strip, lining"), "{}", failed.0);
+    let failed = open("joined", &tiny.glb(), &choice).err().expect("no UVs");
+    assert!(failed.0.ends_with("no mesh \"hat\"; there are: all meshes, strip, lining"), "{}", failed.0);
+    tiny.json["animations"] = json!([]);
+    let model = open("joined", &tiny.glb(), &slow()).expect("a model");
+    assert_eq!((model.poses.len(), model.note(1).as_str()), (1, "pose 1: bulge"));
+    let moved = model.rest.iter().zip(&model.poses[0]).filter(|(a, b)| a != b).count();
+    assert_eq!(moved, 6, "the ends of both");
 }
 
 fn png(pixels: &[[u8; 3]], width: u32) -> Vec<u8> {
@@ -300,6 +321,21 @@ fn buffers_are_beside_the_file_or_in_it() {
         failed.contains("tiny.gltf: buffer 0: ") && failed.contains("tiny.bin: No such file"),
         "{failed}"
     );
+}
+
+#[test]
+fn opacity_is_that_of_the_material() {
+    let mut tiny = Tiny::strip();
+    let image = image::RgbaImage::from_fn(2, 2, |x, _| image::Rgba([255, 0, 0, [100, 150][x as usize]]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).expect("encoded");
+    tiny.texture(&bytes.into_inner());
+    for (mode, expected) in [("OPAQUE", [255, 255]), ("MASK", [0, 255]), ("BLEND", [100, 150])] {
+        tiny.json["materials"][0]["alphaMode"] = json!(mode);
+        let model = open("opacity", &tiny.glb(), &slow()).expect("a model");
+        let colour = model.pictures.colours[0].clone().expect("a texture");
+        assert_eq!([0, 1].map(|x| colour.get_pixel(x, 0).0[3]), expected, "{mode}");
+    }
 }
 
 /// Each of these changes is an error that says what is wrong.

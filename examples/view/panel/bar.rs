@@ -59,13 +59,11 @@ pub const SHOWN: [(Shown, &str, &str); 3] = [
     ),
 ];
 
-/// Shows the bar; `path` and `folder` are texts of the fields for what to open and where to save, `clip` the frame that
-/// is being written and the last one.
+/// Shows the bar; `path` and `folder` are texts of the fields for what to open and where to save.
 pub fn show(
     ui: &mut Ui,
     (name, z_up): (&str, bool),
     (look, path, folder): (&mut Look, &mut String, &mut String),
-    clip: Option<(usize, usize)>,
     mut noted: impl FnMut(&str, Rect),
 ) -> Option<Wish> {
     let mut wish = None;
@@ -85,13 +83,6 @@ pub fn show(
             }
         });
         noted("save", button.rect);
-        if let Some(progress) = clip {
-            if save::progress(ui, progress) {
-                wish = Some(Wish::Save(Pressed::Stop));
-            }
-            // All frames of a clip look alike.
-            ui.disable();
-        }
         if width >= NAMED {
             let name = RichText::new(name).heading().color(style::TEXT);
             ui.scope(|ui| {
@@ -193,7 +184,7 @@ mod tests {
                 egui::Panel::top("bar").frame(style::frame(0)).exact_size(42.0).show(ui, |ui| {
                     let name = "a_character_with_a_long_name";
                     let fields = (&mut *look, &mut String::new(), &mut String::new());
-                    show(ui, (name, false), fields, None, |name, rect| places.push((name.into(), rect)));
+                    show(ui, (name, false), fields, |name, rect| places.push((name.into(), rect)));
                 });
             });
             // Nobody draws the text.

@@ -3,8 +3,9 @@
 use eframe::egui::{self, Slider, Ui};
 
 use super::side::{row, words};
-use crate::brush::kind::Brush;
+use crate::brush::kind::{Brush, Click};
 use crate::brush::steps::Steps;
+use crate::brush::textures::Source;
 use crate::brush::whole::Tool;
 
 /// Request of a button.
@@ -13,22 +14,28 @@ pub enum BrushWish {
     Undo,
     Redo,
     Use(Tool),
+    Take(Source),
 }
 
 /// Shows the settings of the brush.
 pub fn show(
     ui: &mut Ui,
     brush: &mut Brush,
-    steps: &Steps,
+    (steps, has_texture): (&Steps, bool),
     mut noted: impl FnMut(&str, egui::Rect),
 ) -> Option<BrushWish> {
     row(ui, "tool", "What a click does on the surface.", |ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         let tools = [
-            (false, "paint", "Paint around the mouse"),
-            (true, "fill island", "Make all of the UV island under the mouse rigid, or elastic with erase"),
+            (Click::Paint, "paint", "Paint around the mouse"),
+            (Click::Fill, "island", "Make all of the UV island under the mouse rigid, or elastic with erase"),
+            (
+                Click::Colour,
+                "colour",
+                "This colour keeps its shape: all of the textures that has the clicked one",
+            ),
         ];
-        words(ui, &mut brush.fills, &tools, &mut noted);
+        words(ui, &mut brush.click, &tools, &mut noted);
     });
     let mut number = |ui: &mut Ui, value: &mut f32, range, name: &str, about: &str| {
         let slider = Slider::new(value, range).fixed_decimals(2);
@@ -56,6 +63,10 @@ pub fn show(
         "softness",
         "The part of the radius over which the brush fades out.",
     );
+    if brush.click == Click::Colour {
+        let about = "How far from the clicked colour others count as the same one: 0 (itself) to 1.";
+        number(ui, &mut brush.tolerance, 0.0..=1.0, "tolerance", about);
+    }
     let mut wish = None;
     let mut button = |ui: &mut Ui, is_enabled: bool, name: &str, about: &str, asks: BrushWish| {
         let response = ui.add_enabled(is_enabled, egui::Button::new(name)).on_hover_text(about);
@@ -81,5 +92,16 @@ pub fn show(
             button(ui, true, name, about, BrushWish::Use(tool));
         }
     });
+    if has_texture {
+        row(ui, "texture", "Features from the textures, with the brush's rigidity.", |ui| {
+            for (source, name, about) in [
+                (Source::Bright, "bright", "What is bright in the textures keeps its shape"),
+                (Source::Dark, "dark", "What is dark in the textures keeps its shape"),
+                (Source::Detail, "detail", "What is drawn on the textures outside of features, a little"),
+            ] {
+                button(ui, true, name, about, BrushWish::Take(source));
+            }
+        });
+    }
     wish
 }

@@ -39,6 +39,8 @@ impl History {
 /// Shows the figures of a result.
 pub fn show(ui: &mut Ui, answer: &Answer, history: &History, draw_ms: f64) {
     let strain = answer.strain().or_else(|| history.strain(answer.request.frame));
+    let (text, [before, after]) = words(strain.map(|strain| strain.rms));
+    ui.label(RichText::new(text).color(after));
     egui::Grid::new("figures").num_columns(3).spacing(vec2(14.0, 3.0)).show(ui, |ui| {
         let quiet = |text: &str| RichText::new(text).color(style::QUIET);
         let number = |text: String| RichText::new(text).monospace();
@@ -60,8 +62,8 @@ pub fn show(ui: &mut Ui, answer: &Answer, history: &History, draw_ms: f64) {
         ];
         for (name, values, about) in rows {
             ui.label(name).on_hover_text(about);
-            for (k, colour) in [(0, style::BEFORE), (1, style::ACCENT)] {
-                let text = values.map_or("-".into(), |v| format!("{:.4}", v[k]));
+            for (k, colour) in [(0, before), (1, after)] {
+                let text = values.map_or("-".into(), |v| format!("{:5.1} %", 100.0 * v[k]));
                 ui.label(number(text).color(colour));
             }
             ui.end_row();
@@ -80,6 +82,28 @@ pub fn show(ui: &mut Ui, answer: &Answer, history: &History, draw_ms: f64) {
     egui::CollapsingHeader::new(times)
         .id_salt("times")
         .show_unindented(ui, |ui| times_of(ui, answer, draw_ms));
+}
+
+/// Strain that nobody sees.
+const UNSEEN: f32 = 0.005;
+
+/// Words for the strain before and after, and the colours of both: red is bad, green is good.
+fn words(rms: Option<[f32; 2]>) -> (String, [Color32; 2]) {
+    let Some([before, after]) = rms else {
+        return ("nothing is rigid yet: paint what is to keep its shape".into(), [style::QUIET; 2]);
+    };
+    if before.max(after) < UNSEEN {
+        return ("no stretch here: nothing to keep".into(), [style::QUIET; 2]);
+    }
+    let gone = 100.0 * (1.0 - after / before);
+    let (text, colour) = if after < UNSEEN || gone >= 50.0 {
+        (format!("features keep their shape: {gone:.0} % of the stretch is gone"), style::GOOD)
+    } else if gone >= 1.0 {
+        (format!("{gone:.0} % of the stretch is gone"), style::ACCENT)
+    } else {
+        ("no less stretch than without".into(), style::BEFORE)
+    };
+    (text, [if before < UNSEEN { style::QUIET } else { style::BEFORE }, colour])
 }
 
 /// Duration of a result, and the solves for it.
@@ -146,4 +170,25 @@ pub fn plot(
     };
     label(format!("{most:.2}"), area.top(), egui::Align2::RIGHT_TOP, style::QUIET);
     label("strain".into(), area.bottom(), egui::Align2::RIGHT_BOTTOM, style::QUIET);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_and_colours_tell_good_from_bad() {
+        for (rms, start, colours) in [
+            (None, "nothing is rigid yet", [style::QUIET; 2]),
+            (Some([0.0, 0.0]), "no stretch here: nothing to keep", [style::QUIET; 2]),
+            (Some([0.0049, 0.001]), "no stretch here", [style::QUIET; 2]),
+            (Some([0.4, 0.1]), "features keep their shape: 75 %", [style::BEFORE, style::GOOD]),
+            (Some([0.4, 0.3]), "25 % of the stretch is gone", [style::BEFORE, style::ACCENT]),
+            (Some([0.4, 0.5]), "no less stretch", [style::BEFORE; 2]),
+            (Some([0.001, 0.2]), "no less stretch", [style::QUIET, style::BEFORE]),
+        ] {
+            let (text, found) = words(rms);
+            assert!(text.starts_with(start) && found == colours, "{rms:?}: {text} {found:?}");
+        }
+    }
 }

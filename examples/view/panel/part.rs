@@ -11,12 +11,7 @@ use crate::model::Model;
 pub fn show(ui: &mut Ui, model: &Model, mut noted: impl FnMut(&str, Rect)) -> Option<Choice> {
     let contents = model.contents.as_ref()?;
     let lists = [
-        (
-            "Mesh",
-            "The mesh to look at; names with + are parts that one skin moves.",
-            &contents.meshes,
-            contents.mesh,
-        ),
+        ("Mesh", "The mesh to look at.", &contents.meshes, contents.mesh),
         ("Animation", "The motion on the timeline.", &contents.animations, contents.animation.unwrap_or(0)),
     ];
     if lists.iter().all(|(.., all, _)| all.len() < 2) {

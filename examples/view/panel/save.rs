@@ -14,14 +14,13 @@ use crate::save::file::Existing;
 pub enum Job {
     Rigidity(Vec<PathBuf>),
     Picture(PathBuf),
-    Clip(PathBuf),
 }
 
 impl Job {
     pub fn paths(&self) -> &[PathBuf] {
         match self {
             Job::Rigidity(paths) => paths,
-            Job::Picture(path) | Job::Clip(path) => std::slice::from_ref(path),
+            Job::Picture(path) => std::slice::from_ref(path),
         }
     }
 }
@@ -31,9 +30,6 @@ impl Job {
 pub enum Pressed {
     Rigidity,
     Picture,
-    Clip,
-    /// Give a clip up.
-    Stop,
 }
 
 /// Shows the folder and what can be saved there.
@@ -51,11 +47,6 @@ pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect))
     for (which, name, about) in [
         (Pressed::Rigidity, "rigidity maps", "A PNG per tile: <name>_rigidity.<UDIM>.png, white = rigid"),
         (Pressed::Picture, "picture", "This view as a PNG, without panels: <name>_<frame>.png"),
-        (
-            Pressed::Clip,
-            "clip",
-            "The timeline, each frame solved at the chosen quality, as an animated PNG: <name>_clip.png",
-        ),
     ] {
         let response = ui.button(name).on_hover_text(about);
         noted(&format!("save {name}"), response.rect);
@@ -64,13 +55,6 @@ pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect))
         }
     }
     wish
-}
-
-/// Shows how far a clip is. Returns whether the user gives it up.
-pub fn progress(ui: &mut Ui, (next, last): (usize, usize)) -> bool {
-    let part = (next - 1) as f32 / last as f32;
-    ui.add(egui::ProgressBar::new(part).desired_width(150.0).text(format!("frame {next} of {last}")));
-    ui.button("stop").on_hover_text("Give the clip up: no file is left").clicked()
 }
 
 /// Asks whether files may be replaced; `None` until it is answered.

@@ -12,6 +12,8 @@ pub const QUIET: Color32 = Color32::from_rgb(140, 144, 152);
 pub const ACCENT: Color32 = Color32::from_rgb(214, 162, 78);
 /// Strain with the original UVs.
 pub const BEFORE: Color32 = Color32::from_rgb(196, 92, 78);
+/// Strain that is gone.
+pub const GOOD: Color32 = Color32::from_rgb(124, 184, 116);
 pub const ERROR: Color32 = Color32::from_rgb(232, 112, 96);
 
 pub fn apply(ctx: &egui::Context) {

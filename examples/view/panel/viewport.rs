@@ -110,8 +110,9 @@ impl Look {
         (pane, [(at.x - place.left()) / place.width(), (at.y - place.top()) / place.height()])
     }
 
-    /// The views to draw; `cells` is the grid's size along a side, `scale` pixels per point.
-    pub fn views(&self, camera: &Camera, cells: u32, scale: f32) -> Vec<View> {
+    /// The views to draw; `cells` is the grid's size along a side, `scale` pixels per point, `overlay` the strength of
+    /// the rigidity map over textures.
+    pub fn views(&self, camera: &Camera, cells: u32, scale: f32, overlay: f32) -> Vec<View> {
         let wide = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
         let lines = if self.grid { cells as f32 / EVERY } else { 0.0 };
         let view = |&redirected: &bool| View {
@@ -124,6 +125,7 @@ impl Look {
             lines,
             line_width: 1.1 * scale.max(1.0),
             range: RANGE,
+            overlay,
             ..View::default()
         };
         self.redirected().iter().map(view).collect()

@@ -67,6 +67,14 @@ impl Maps {
         Ok(Maps { size, delta, warp })
     }
 
+    /// The UV of the texture that is seen at a UV of the surface.
+    pub fn redirected(&self, uv: [f32; 2]) -> [f32; 2] {
+        let [x, y] =
+            [0, 1].map(|c| ((uv[c] * self.size[c] as f32).max(0.0) as usize).min(self.size[c] as usize - 1));
+        let delta = self.delta[y * self.size[0] as usize + x];
+        [0, 1].map(|c| uv[c] + delta[c])
+    }
+
     /// The UV of the surface at which a UV of the texture is seen.
     pub fn warped(&self, uv: [f32; 2]) -> [f32; 2] {
         let at = [0, 1].map(|c| uv[c].clamp(0.0, 1.0) * self.size[c] as f32);

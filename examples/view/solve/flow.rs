@@ -54,11 +54,6 @@ impl Flow {
             self.known = Some((quality, answer.solve_ms + answer.fetch_ms));
         }
     }
-
-    /// Forgets what was asked for, as after a clip.
-    pub fn reset(&mut self) {
-        self.asked = None;
-    }
 }
 
 #[cfg(test)]

@@ -16,8 +16,6 @@ pub enum Purpose {
     Preview,
     /// The result at the chosen quality, once nothing moves: cancelled as soon as something newer is asked for.
     Final,
-    /// A frame of a clip: always finished.
-    Clip,
 }
 
 /// A frame to solve.
@@ -166,9 +164,7 @@ mod tests {
 
     #[test]
     fn a_newer_request_cancels_a_final_result_only() {
-        for (purpose, cancelled) in
-            [(Purpose::Final, true), (Purpose::Preview, false), (Purpose::Clip, false)]
-        {
+        for (purpose, cancelled) in [(Purpose::Final, true), (Purpose::Preview, false)] {
             let inbox = Inbox::default();
             inbox.ask(request(1, purpose));
             let work = inbox.take().expect("open");
