@@ -93,7 +93,7 @@ impl App {
         // The window is opaque.
         let pixels: Vec<u8> =
             picture.read(&self.gpu)?.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-        let bytes = encode::encode(picture.size, ExtendedColorType::Rgb8, &pixels);
+        let bytes = encode(picture.size, ExtendedColorType::Rgb8, &pixels);
         let bytes = bytes.map_err(|error| format!("{}: {error}", path.display()))?;
         vrtm_examples::whole::write(path, &bytes)
     }

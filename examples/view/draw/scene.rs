@@ -13,8 +13,8 @@ use crate::model::Model;
 use crate::pictures::Pictures;
 use crate::solve::answer::{Answer, Maps};
 
-/// Texels per side in which the metric at rest is stored.
-const METRIC_SIDE: u32 = 1024;
+/// Texels per side in which the metric at rest is stored: of one tile, and at least.
+const METRIC_SIDES: [u32; 2] = [1024, 256];
 
 /// A mesh on the GPU.
 pub struct Scene {
@@ -76,7 +76,9 @@ impl Scene {
         let normals = storage(&normals(&model.triangles, rest));
         let mut scene =
             Scene { corners, positions, normals, rest: rest_buffer, tiles: Vec::new(), beyond, filled };
-        let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
+        // All tiles together take as much as a few: a character has a dozen.
+        let side = (METRIC_SIDES[0] >> (model.tiles.len().max(1).ilog2() / 2)).max(METRIC_SIDES[1]);
+        let view = scene.view(gpu, &View { range: side as f32, ..View::default() });
         // The layers of a page share what it shows.
         let textures = |page| -> vrtm::Result<_> {
             // One texel stands for none.
@@ -95,7 +97,7 @@ impl Scene {
         let of_pages = (0..model.pages.len()).map(textures).collect::<vrtm::Result<Vec<_>>>()?;
         for tile in &model.tiles {
             let range = 3 * tile.range.start as u32..3 * tile.range.end as u32;
-            let made = scene.tile(gpu, &view, (tile.page, range), &of_pages[tile.page]);
+            let made = scene.tile(gpu, (&view, side), (tile.page, range), &of_pages[tile.page]);
             scene.tiles.push(made);
         }
         Ok(scene)
@@ -109,7 +111,7 @@ impl Scene {
     fn tile(
         &self,
         gpu: &Gpu,
-        view: &wgpu::BindGroup,
+        (view, side): (&wgpu::BindGroup, u32),
         (page, range): (usize, std::ops::Range<u32>),
         textures: &[wgpu::TextureView; 3],
     ) -> Tile {
@@ -123,7 +125,7 @@ impl Scene {
             gpu.write(&rigidity, number, [0, 0], level.size, &level.texels);
         }
         let drawn = bound | wgpu::TextureUsages::RENDER_ATTACHMENT;
-        let metric = gpu.texture([METRIC_SIDE; 2], METRIC, drawn, [1, 1]).create_view(&Default::default());
+        let metric = gpu.texture([side; 2], METRIC, drawn, [1, 1]).create_view(&Default::default());
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

@@ -34,10 +34,9 @@ pub fn list(file: &File, nodes: &Nodes) -> Result<Vec<Subject>, String> {
         let name = if before > 0 { format!("{name} #{}", before + 1) } else { name };
         alone.push(Subject { name, nodes: vec![number] });
     }
-    match alone.is_empty() {
-        true if file.root.meshes.is_empty() => return Err("no meshes".into()),
-        true => return Err("no triangles with UVs (TEXCOORD_0)".into()),
-        false => {}
+    if alone.is_empty() {
+        let has_meshes = !file.root.meshes.is_empty();
+        return Err(if has_meshes { "no triangles with UVs (TEXCOORD_0)" } else { "no meshes" }.into());
     }
     if all.len() > 1 {
         alone.insert(0, Subject { name: ALL.into(), nodes: all });

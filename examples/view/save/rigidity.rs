@@ -42,11 +42,11 @@ pub fn save(paths: &[PathBuf], canvases: &[Canvas]) -> Result<(), String> {
 fn encoded(canvas: &Canvas) -> image::ImageResult<Vec<u8>> {
     if canvas.deep {
         let bytes = bytemuck::cast_slice(&canvas.texels);
-        return encode::encode(canvas.size, ExtendedColorType::L16, bytes);
+        return encode(canvas.size, ExtendedColorType::L16, bytes);
     }
     // To the nearest of 256 values.
     let bytes: Vec<u8> = canvas.texels.iter().map(|&texel| ((u32::from(texel) + 128) / 257) as u8).collect();
-    encode::encode(canvas.size, ExtendedColorType::L8, &bytes)
+    encode(canvas.size, ExtendedColorType::L8, &bytes)
 }
 
 #[cfg(test)]

@@ -135,14 +135,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_identity_warps_nothing() {
-        let maps = Maps::identity();
-        for uv in [[0.0, 0.0], [0.25, 0.75], [0.9, 0.1], [1.0, 1.0]] {
-            assert_eq!(maps.warped(uv), uv);
-        }
-    }
-
-    #[test]
     fn tiles_count_by_their_edges() {
         let tiles = [(300, [0.0, 0.1], [0.5, 0.2]), (100, [0.4, 0.1], [0.1, 0.3]), (0, [9.0; 2], [0.0; 2])];
         let all = Strain::of(tiles.into_iter()).expect("edges");
