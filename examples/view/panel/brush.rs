@@ -24,6 +24,9 @@ pub fn show(
     (steps, has_texture): (&Steps, bool),
     mut noted: impl FnMut(&str, egui::Rect),
 ) -> Option<BrushWish> {
+    if !has_texture && brush.click == Click::Colour {
+        brush.click = Click::Paint;
+    }
     row(ui, "tool", "What a click does on the surface.", |ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         let tools = [
@@ -35,7 +38,8 @@ pub fn show(
                 "This colour keeps its shape: all of the textures that has the clicked one",
             ),
         ];
-        words(ui, &mut brush.click, &tools, &mut noted);
+        let count = if has_texture { 3 } else { 2 };
+        words(ui, &mut brush.click, &tools[..count], &mut noted);
     });
     let mut number = |ui: &mut Ui, value: &mut f32, range, name: &str, about: &str| {
         let slider = Slider::new(value, range).fixed_decimals(2);
