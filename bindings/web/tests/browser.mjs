@@ -1,6 +1,6 @@
 // A browser without a window, with WebGL in software, and a server of files. CHROMIUM is its program; where there is none,
 // the tests say so.
-import { existsSync, readFileSync } from "node:fs";
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";
 import puppeteer from "puppeteer-core";
@@ -28,4 +28,21 @@ export const skip = program ? false : "there is no Chromium";
 export function launch() {
   const args = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"];
   return puppeteer.launch({ executablePath: program, args, protocolTimeout: 600_000 });
+}
+
+/** Drops a file or folder of this machine on the page. */
+export async function drop(page, path) {
+  const session = await page.createCDPSession();
+  const data = { items: [], files: [path], dragOperationsMask: 1 };
+  for (const type of ["dragEnter", "dragOver", "drop"]) {
+    await session.send("Input.dispatchDragEvent", { type, x: 200, y: 300, data });
+  }
+}
+
+/** Keeps a picture in the folder VRTM_SHOTS, to be looked at. */
+export async function keep(page, name) {
+  const folder = process.env.VRTM_SHOTS;
+  if (folder) {
+    writeFileSync(join(folder, `${name.replaceAll(" ", "_")}.png`), await page.screenshot());
+  }
 }
