@@ -253,9 +253,9 @@ test("it fits a phone, turns with a finger, and follows the window", { skip, tim
   assert.ok(difference(before, await picture(page)) > 0.02);
   await page.click("summary");
   await page.click("[name=compare][value=side] + span");
-  await page.setViewport({ width: 844, height: 390 });
+  await page.setViewport({ ...PHONE, width: 844, height: 390 });
   assert.ok(coloured(await picture(page)) > 0.02);
-  await page.setViewport(WIDE);
+  await page.setViewport({ ...PHONE, ...WIDE });
   const wide = await picture(page);
   assert.ok(coloured(wide) > 0.1 && (await fits()));
   assert.deepEqual(page.problems, []);

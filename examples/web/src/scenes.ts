@@ -218,7 +218,7 @@ async function puffer(early: Early): Promise<Scene> {
   });
   const tracks = [fish, fins].map(({ name }) =>
     new NumberKeyframeTrack(`${name}.morphTargetInfluences`, times, influences));
-  const direction = [0.21, 0.11, 0.59];
+  const direction = [0.225, 0.118, 0.63];
   early(root, direction);
   const redirected = await redirect(fish, {
     rigidity, size: SIZE, grid: CELLS, mapSize: CELLS, worker: new Worker("worker.js", { type: "module" }),
