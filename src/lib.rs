@@ -114,5 +114,8 @@ pub use vrtm_core::settings::{
     AdapterId, Backend, DeviceSettings, MAX_GRID, OpenBorders, Overlap, PbdSettings, Quality, Scale, Seams,
     SolveOptions, Solver, TileSettings,
 };
+#[cfg(all(target_family = "wasm", target_feature = "atomics"))]
+#[doc(hidden)]
+pub use vrtm_core::team::threads::serve;
 pub use vrtm_core::team::{Executor, Task};
 pub use vrtm_core::view::{Element, Scalar, Strided, StridedMut};

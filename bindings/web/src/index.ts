@@ -4,8 +4,7 @@
  * WebAssembly, on the thread that calls: pages use `WorkerAsset` of "vrtm/worker", which has the same methods.
  */
 import { AssetMethods, VrtmError, tell } from "./methods.js";
-import { guarded } from "./module.js";
-import { Asset as Module } from "./wasm/vrtm.js";
+import { guarded, module, type Module } from "./module.js";
 
 export { Carrier, AssetMethods, VrtmError, type Code } from "./methods.js";
 export { load } from "./module.js";
@@ -256,9 +255,9 @@ export class Asset extends AssetMethods<false> {
   #busy = false;
 
   /** Reads a mesh, after `load`. */
-  constructor(mesh: Mesh, { log }: AssetSettings = {}) {
+  constructor(mesh: Mesh, { log }: AssetSettings = {}, threads = 1) {
     super();
-    this.#module = guarded(() => new Module(mesh, (entry: LogEntry) => tell(entry, log)));
+    this.#module = guarded(() => new module.Asset(mesh, (entry: LogEntry) => tell(entry, log), threads));
     this.tiles = this.call("tiles", []);
   }
 

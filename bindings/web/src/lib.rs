@@ -8,6 +8,8 @@ mod objects;
 mod outputs;
 mod paint;
 
+use std::num::NonZeroU32;
+
 use arrays::Array;
 use js_sys::{Float32Array, Function, Object};
 use objects::{Fields, list, natural};
@@ -33,6 +35,34 @@ impl From<Thrown> for JsValue {
     }
 }
 
+/// A function of this thread.
+struct Log(Function);
+
+// SAFETY: it is called and dropped on its own thread: helpers of a call write no lines, and an asset stays in its worker.
+unsafe impl Send for Log {}
+unsafe impl Sync for Log {}
+
+impl Log {
+    fn tell(&self, entry: &LogEntry) {
+        // What it throws, it has to tell itself.
+        let _ = self.0.call1(&JsValue::NULL, &objects::log_entry(entry));
+    }
+}
+
+/// The module and its memory, for workers that help.
+#[cfg(target_feature = "atomics")]
+#[wasm_bindgen]
+pub fn shared() -> js_sys::Array {
+    js_sys::Array::of2(&wasm_bindgen::module(), &wasm_bindgen::memory())
+}
+
+/// A worker's life: it helps the others that share its memory.
+#[cfg(target_feature = "atomics")]
+#[wasm_bindgen]
+pub fn help() {
+    vrtm::serve()
+}
+
 /// Carriers by their numbers, which are drawn at random: in no worker has another asset one of them.
 type Carriers = Vec<(f64, Carrier)>;
 
@@ -48,15 +78,14 @@ pub struct Asset {
 // `src/methods.ts` documents them, with their errors.
 #[wasm_bindgen]
 impl Asset {
-    /// Reads a mesh; `log` is called with each line of the log.
+    /// Reads a mesh; `log` is called with each line of the log. Solves have `threads`, as far as workers wait to help.
     #[wasm_bindgen(constructor)]
-    pub fn new(mesh: &JsValue, log: Function) -> Result<Asset> {
-        let told = move |entry: &LogEntry| {
-            // What it throws, it has to tell itself.
-            let _ = log.call1(&JsValue::NULL, &objects::log_entry(entry));
-        };
+    pub fn new(mesh: &JsValue, log: Function, threads: f64) -> Result<Asset> {
+        let log = Log(log);
+        let told = move |entry: &LogEntry| log.tell(entry);
         let settings = DeviceSettings {
             backend: Backend::Cpu,
+            threads: NonZeroU32::new(natural("threads", threads)?),
             log: Some(std::sync::Arc::new(told)),
             ..DeviceSettings::default()
         };

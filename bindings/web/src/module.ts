@@ -1,7 +1,15 @@
 /** The WebAssembly: loaded once on each thread that needs it. */
 import { VrtmError } from "./methods.js";
-import init from "./wasm/vrtm.js";
+import * as alone from "./wasm/vrtm.js";
 
+export type Module = alone.Asset;
+/** WebAssembly that is loaded, and its memory. */
+export type Shared = [WebAssembly.Module, WebAssembly.Memory];
+
+/** The build that is used: alone, or with memory that workers share. */
+export let module: Pick<typeof alone, "Asset"> & {
+  default(given: { module_or_path: any }): Promise<unknown>;
+} = alone;
 let loading: Promise<unknown> | undefined;
 let loaded = false;
 let ended: VrtmError | undefined;
@@ -16,15 +24,30 @@ export async function load(wasm?: URL | string | BufferSource | Response | Promi
   loaded = true;
 }
 
+/** Loads the build with shared memory in place of the other, in a worker; `help` takes what it returns. */
+export async function share(wasm?: string): Promise<Shared> {
+  const shared = await import("./wasm/shared/vrtm.js");
+  module = shared;
+  await load(wasm ?? new URL("./wasm/shared/vrtm_bg.wasm", import.meta.url));
+  return shared.shared() as Shared;
+}
+
+/** Lends this worker to another one's asset, for ever. */
+export async function help([module_or_path, memory]: Shared): Promise<void> {
+  const shared = await import("./wasm/shared/vrtm.js");
+  await shared.default({ module_or_path, memory });
+  shared.help();
+}
+
 async function start(wasm?: URL | string | BufferSource | Response | Promise<Response>): Promise<unknown> {
   const file = wasm ?? new URL("./wasm/vrtm_bg.wasm", import.meta.url);
   // Node fetches no files. Bundlers for browsers must not look for its module.
   if (file instanceof URL && file.protocol === "file:") {
-    const module = "node:fs/promises";
-    const { readFile } = (await import(/* @vite-ignore */ module)) as typeof import("node:fs/promises");
-    return init({ module_or_path: await readFile(file) });
+    const files = "node:fs/promises";
+    const { readFile } = (await import(/* @vite-ignore */ files)) as typeof import("node:fs/promises");
+    return module.default({ module_or_path: await readFile(file) });
   }
-  return init({ module_or_path: file });
+  return module.default({ module_or_path: file });
 }
 
 /** Calls the module, which throws its errors as an array of code and message. Anything else has ended it: WebAssembly

@@ -9,7 +9,10 @@ export { Carrier, VrtmError, type Code } from "./methods.js";
 export interface WorkerSettings extends AssetSettings {
   /** A worker that was made of this package's worker.js, where a bundler moves it. */
   worker?: Worker;
-  /** The address of vrtm_bg.wasm, where it is not beside the worker. */
+  /** More such workers, which share in each solve: they take as many processors. Without `worker`, a page that is
+   * `crossOriginIsolated` has up to 3 by itself. */
+  helpers?: Worker[];
+  /** The address of vrtm_bg.wasm, where it is not beside the worker; with helpers, of shared/vrtm_bg.wasm. */
   wasm?: string;
 }
 
@@ -23,7 +26,7 @@ const used = new WeakSet<Worker>();
 /** The methods of `Asset` in a worker: calls are answered in their order, but for poses that wait. */
 export class WorkerAsset extends AssetMethods<true> {
   #worker: Worker;
-  #terminate: () => void;
+  #terminate: (() => void)[] = [];
   #waiting = new Map<number, Waiting>();
   #next = 0;
   #ended: VrtmError | undefined;
@@ -31,9 +34,11 @@ export class WorkerAsset extends AssetMethods<true> {
   #redirects = 0;
   #newest: (Waiting & { given: unknown[] }) | undefined;
 
-  private constructor(worker: Worker, log?: (entry: LogEntry) => void) {
+  private constructor(worker: Worker, helpers: Worker[], log?: (entry: LogEntry) => void) {
     super();
     this.#worker = worker;
+    const ended = (why: string) => this.#end("WorkerEnded", `the worker has ended: ${why}`);
+    helpers.forEach((helper) => (helper.onmessage = ({ data }) => ended(data.error.message)));
     worker.onmessage = ({ data }: MessageEvent<Answer>) => {
       if ("log" in data) {
         return tell(data.log, log);
@@ -46,23 +51,29 @@ export class WorkerAsset extends AssetMethods<true> {
         waiting?.resolve(data.value);
       }
     };
-    this.#terminate = worker.terminate.bind(worker);
-    worker.terminate = () => this.#end("WorkerEnded", "the worker was terminated");
-    const ended = (why: string) => this.#end("WorkerEnded", `the worker has ended: ${why}`);
-    worker.onerror = ({ message }) => ended(message || "it could not be loaded");
-    worker.onmessageerror = () => ended("its answer cannot be read");
+    for (const one of [worker, ...helpers]) {
+      this.#terminate.push(one.terminate.bind(one));
+      one.terminate = () => this.#end("WorkerEnded", "the worker was terminated");
+      one.onerror = ({ message }) => ended(message || "it could not be loaded");
+      one.onmessageerror = () => ended("its answer cannot be read");
+    }
   }
 
   /** Reads a mesh in a new worker. */
-  static async create(mesh: Mesh, { worker, wasm, log }: WorkerSettings = {}): Promise<WorkerAsset> {
-    const own = worker ?? new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
-    if (used.has(own)) {
+  static async create(mesh: Mesh, settings: WorkerSettings = {}): Promise<WorkerAsset> {
+    const start = () => new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+    const { worker: own = start(), wasm, log } = settings;
+    const cores = !settings.worker && globalThis.crossOriginIsolated ? navigator.hardwareConcurrency : 1;
+    const { helpers = Array.from({ length: Math.min(cores - 1, 3) }, start) } = settings;
+    if ([own, ...helpers].some((one) => used.has(one))) {
       throw new VrtmError("InvalidArgument", "worker: it has an asset already");
     }
-    used.add(own);
-    const asset = new WorkerAsset(own, log);
+    [own, ...helpers].forEach((one) => used.add(one));
+    const asset = new WorkerAsset(own, helpers, log);
     try {
-      asset.tiles = await asset.call("create", [mesh, wasm]);
+      const [tiles, given] = await asset.call<any>("create", [mesh, wasm, helpers.length]);
+      asset.tiles = tiles;
+      helpers.forEach((helper) => helper.postMessage({ id: -1, name: "help", given } satisfies Question));
     } catch (error) {
       own.terminate();
       throw error;
@@ -124,7 +135,7 @@ export class WorkerAsset extends AssetMethods<true> {
 
   /** Ends the worker. All calls fail from now on; the first reason stays. */
   #end(code: Code, message: string): void {
-    this.#terminate();
+    this.#terminate.forEach((terminate) => terminate());
     this.#ended ??= new VrtmError(code, message);
     this.#newest?.reject(this.#ended);
     this.#newest = undefined;

@@ -8,12 +8,13 @@ import puppeteer from "puppeteer-core";
 const TYPES = { js: "text/javascript", css: "text/css", wasm: "application/wasm", png: "image/png" };
 
 /** A server of a folder's files, and its address; `index` is the page where the folder has none. */
-export async function serve(folder, index) {
+export async function serve(folder, index, headers = {}) {
   const server = createServer((request, response) => {
     const { pathname } = new URL(request.url, "http://localhost");
     try {
       const bytes = index && pathname === "/" ? index : readFileSync(join(folder, pathname === "/" ? "index.html" : pathname));
-      response.writeHead(200, { "content-type": TYPES[pathname.split(".").at(-1)] ?? "text/html" }).end(bytes);
+      const type = TYPES[pathname.split(".").at(-1)] ?? "text/html";
+      response.writeHead(200, { "content-type": type, ...headers }).end(bytes);
     } catch {
       response.writeHead(404).end();
     }

@@ -65,26 +65,34 @@ function hash(bytes) {
 
 const options = { draft: { quality: "draft" }, normal: {}, warm: { warm: true } };
 
-test("maps have the library's bits", () => {
+const helped = (mesh) => WorkerAsset.create(mesh, { worker: new Thread(), helpers: [new Thread(), new Thread()] });
+[classes.Asset, helped].forEach((create) => test(`maps have the library's bits, ${create.name}`, async () => {
   const lines = readFileSync(new URL("bits.txt", import.meta.url), "utf8").split("\n").filter((line) => /^\w/.test(line));
   assert.equal(lines.length, 9);
   const assets = {};
   for (const line of lines) {
     const [name, effort, expected] = line.split(" | ");
-    assets[name] ??= (() => {
+    assets[name] ??= await (async () => {
       const { mesh, maps, last } = scene(name);
-      const asset = new Asset(mesh);
+      const asset = await create(mesh);
       for (const { udim, width, height, values } of maps) {
-        asset.setRigidity(asset.tiles.findIndex((tile) => tile.udim === udim), values, width, height);
+        await asset.setRigidity(asset.tiles.findIndex((tile) => tile.udim === udim), values, width, height);
       }
-      asset.tiles.forEach((_, tile) => asset.setSettings(tile, { grid: 128 }));
+      await Promise.all(asset.tiles.map((_, tile) => asset.setSettings(tile, { grid: 128 })));
       return { asset, last };
     })();
     const { asset, last } = assets[name];
-    asset.solve(last, options[effort]);
-    const images = asset.tiles.map((_, tile) => Buffer.from(asset.fetch(tile, "uv", 96, 96).buffer));
-    assert.equal(hash(Buffer.concat(images)), expected, line);
+    await asset.solve(last, options[effort]);
+    const images = await Promise.all(asset.tiles.map((_, tile) => asset.fetch(tile, "uv", 96, 96)));
+    assert.equal(hash(Buffer.concat(images.map((image) => Buffer.from(image.buffer)))), expected, line);
   }
+}));
+
+test("an asset ends with a helper, by whatever comes from it", async () => {
+  const helper = new Thread();
+  const asset = await WorkerAsset.create(squares().mesh, { worker: new Thread(), helpers: [helper] });
+  helper.emit("error", new Error("a defect"));
+  await rejects(() => asset.grid(0), { code: "WorkerEnded", message: /a defect/ });
 });
 
 both("a feature keeps its shape, and the report says so", async (create) => {

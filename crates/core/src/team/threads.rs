@@ -33,21 +33,84 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
 /// Runs `work` on a thread of its own; `None` if the system cannot start another.
 #[cfg(unix)]
 pub use posix::{Thread, start};
+#[cfg(all(target_family = "wasm", target_feature = "atomics"))]
+pub use workers::{Thread, serve, start};
 
 /// `start` through std, whose threads leave records on the thread that starts them. On these systems that does no harm.
-#[cfg(not(unix))]
+#[cfg(not(any(unix, target_feature = "atomics")))]
 pub struct Thread(std::thread::JoinHandle<()>);
 
-#[cfg(not(unix))]
+#[cfg(not(any(unix, target_feature = "atomics")))]
 pub fn start(work: Box<dyn FnOnce() + Send>) -> Option<Thread> {
     std::thread::Builder::new().spawn(work).ok().map(Thread)
 }
 
-#[cfg(not(unix))]
+#[cfg(not(any(unix, target_feature = "atomics")))]
 impl Thread {
     /// Waits until the thread has ended.
     pub fn join(self) {
         let _ = self.0.join();
+    }
+}
+
+/// WebAssembly with shared memory starts no threads: a page does, and its workers wait here for work.
+#[cfg(all(target_family = "wasm", target_feature = "atomics"))]
+mod workers {
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+    use crate::panics::lock;
+
+    /// Workers that wait, and what they are to do.
+    type State = (usize, Vec<(Box<dyn FnOnce() + Send>, Arc<AtomicBool>)>);
+    static STATE: Mutex<State> = Mutex::new((0, Vec::new()));
+    static NEWS: Condvar = Condvar::new();
+
+    fn next(state: MutexGuard<'static, State>) -> MutexGuard<'static, State> {
+        NEWS.wait(state).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Work of a worker: true when it is done.
+    pub struct Thread(Arc<AtomicBool>);
+
+    pub fn start(work: Box<dyn FnOnce() + Send>) -> Option<Thread> {
+        let mut state = lock(&STATE);
+        let is_free = state.0 > state.1.len();
+        is_free.then(|| {
+            let is_done = Arc::new(AtomicBool::new(false));
+            state.1.push((work, is_done.clone()));
+            NEWS.notify_all();
+            Thread(is_done)
+        })
+    }
+
+    impl Thread {
+        /// Waits until the work is done.
+        pub fn join(self) {
+            let mut state = lock(&STATE);
+            while !self.0.load(Ordering::Acquire) {
+                state = next(state);
+            }
+        }
+    }
+
+    /// Gives the calling worker to the library, for ever.
+    pub fn serve() -> ! {
+        let mut state = lock(&STATE);
+        loop {
+            state.0 += 1;
+            while state.1.is_empty() {
+                state = next(state);
+            }
+            state.0 -= 1;
+            if let Some((work, is_done)) = state.1.pop() {
+                drop(state);
+                work();
+                state = lock(&STATE);
+                is_done.store(true, Ordering::Release);
+                NEWS.notify_all();
+            }
+        }
     }
 }
 
