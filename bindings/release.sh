@@ -13,8 +13,8 @@ usage: sh bindings/release.sh [options]
   --out DIR          where to write to (target/release-archive)
   --python PROGRAM   a Python 3.11 or newer with pip, hatchling and pycparser: also makes the wheel, the add-on, the package
                      for Unity and the SPDX file; with auditwheel it confirms the wheel's tag
-  --web              packs bindings/web/dist and examples/web/dist, which `npm run build` and `npm run page` have made; makes
-                     no library. With --python also the SPDX file
+  --web              packs bindings/web/dist and examples/web/dist, which `npm run build` has made; makes no library. With
+                     --python also the SPDX file
   --glibc X.Y        link for this glibc or a newer one, by zig: ZIG is its program, or "PYTHON -m ziglang"
   --max-glibc X.Y    fail if the library needs a newer glibc
   --no-gpu, --features LIST, --profile NAME, --target TRIPLE, --target-dir DIR, --offline, --prebuilt FILE
@@ -138,7 +138,7 @@ finish() { # SYSTEM
 made=
 if [ -n "$web" ]; then
     for folder in bindings/web/dist examples/web/dist; do
-        [ -d "$source/$folder" ] || fail "$folder is missing: npm ci && npm run build && npm run page, in bindings/web"
+        [ -d "$source/$folder" ] || fail "$folder is missing: npm ci && npm run build, in bindings/web"
     done
     mkdir "$work/npm"
     cp -R "$here/web/package.json" "$here/web/dist" "$work/npm/"

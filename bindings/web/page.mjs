@@ -1,4 +1,4 @@
-// Builds the page: `npm ci && npm run build && npm run page` makes examples/web/dist, a folder for any server of files.
+// Builds the page of a package that is built, as examples/web/dist, a folder for any server of files.
 import { execFileSync } from "node:child_process";
 import { cpSync, mkdirSync, rmSync } from "node:fs";
 import { fileURLToPath } from "node:url";

@@ -1,4 +1,4 @@
-// The page in a browser: `npm run page` comes first. With VRTM_PICTURES=1 its pictures in docs/images are made again.
+// The page in a browser: `npm run build` comes first. With VRTM_PICTURES=1 its pictures in docs/images are made again.
 import assert from "node:assert/strict";
 import { writeFileSync } from "node:fs";
 import { after, before, test } from "node:test";

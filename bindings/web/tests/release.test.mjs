@@ -1,4 +1,4 @@
-// The files of a release, used away from the sources: `npm run build` and `npm run page` come first.
+// The files of a release, used away from the sources: `npm run build` comes first.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { createHash } from "node:crypto";
@@ -7,6 +7,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
+import { brotliCompressSync } from "node:zlib";
 
 const root = fileURLToPath(new URL("../../..", import.meta.url));
 const { version } = JSON.parse(readFileSync(join(root, "bindings/web/package.json")));
@@ -62,6 +63,18 @@ test("the sums are those of the files, and no file holds a path of this machine"
     const hash = createHash("sha256").update(readFileSync(join(folder, line.slice(66)))).digest("hex");
     assert.equal(line.slice(0, 64), hash, line);
   }
-  const wasm = readFileSync(join(root, "bindings/web/dist/wasm/vrtm_bg.wasm"), "latin1");
-  assert.ok(!wasm.includes(root) && !wasm.includes(process.env.HOME));
+  for (const build of [".", "shared"]) {
+    const wasm = readFileSync(join(root, "bindings/web/dist/wasm", build, "vrtm_bg.wasm"), "latin1");
+    assert.ok(!wasm.includes(root) && !wasm.includes(process.env.HOME));
+  }
+});
+
+test("the page without its scenes is at most 1.2 MB by Brotli", () => {
+  const dist = join(root, "examples/web/dist");
+  // Decoders are fetched for files that need them.
+  const fetched = readdirSync(dist, { recursive: true }).filter((file) => !/^(scenes|draco)|LICENSE|THIRD/.test(file));
+  const files = fetched.map((file) => join(dist, file)).filter((file) => statSync(file).isFile());
+  const sizes = files.map((file) => brotliCompressSync(readFileSync(file)).length);
+  const sum = sizes.reduce((a, b) => a + b);
+  assert.ok(sizes.length > 4 && sum < 1.2e6, `${sum} bytes`);
 });
