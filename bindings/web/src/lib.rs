@@ -38,8 +38,10 @@ impl From<Thrown> for JsValue {
 /// A function of this thread.
 struct Log(Function);
 
-// SAFETY: it is called and dropped on its own thread: helpers of a call write no lines, and an asset stays in its worker.
+// SAFETY: it is called and dropped on its own thread: helpers of a call write no lines, and an asset stays in its
+// worker.
 unsafe impl Send for Log {}
+// SAFETY: as above.
 unsafe impl Sync for Log {}
 
 impl Log {

@@ -317,7 +317,7 @@ test("of the poses that wait for a worker the last one alone is solved, unless i
   };
   let done = 0;
   const created = WorkerAsset.create(squares().mesh, { worker });
-  await answer({ value: [{ udim: 1001 }] });
+  await answer({ value: [[{ udim: 1001 }]] });
   const asset = await created;
   assert.equal(asset.tiles[0].udim, 1001);
   await assert.rejects(WorkerAsset.create(squares().mesh, { worker }), { message: "worker: it has an asset already" });
