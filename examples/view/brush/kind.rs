@@ -1,6 +1,6 @@
 //! What a brush is: how large, how soft, and what it does.
 
-/// What a click changes.
+/// Target of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Click {
     /// The surface around it.

@@ -180,7 +180,7 @@ fn pipeline(
         label: Some(fragment),
         layout: Some(&layout),
         vertex: wgpu::VertexState {
-            module: module,
+            module,
             entry_point: Some(vertex),
             compilation_options: Default::default(),
             buffers,
@@ -200,7 +200,7 @@ fn pipeline(
             ..wgpu::MultisampleState::default()
         },
         fragment: Some(wgpu::FragmentState {
-            module: module,
+            module,
             entry_point: Some(fragment),
             compilation_options: options,
             targets: &[Some(wgpu::ColorTargetState { format, blend: None, write_mask })],
