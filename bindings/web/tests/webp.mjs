@@ -13,7 +13,11 @@ export function animate(frames, milliseconds) {
     const at = file.indexOf("VP8 ", 12);
     return file.subarray(at, at + 8 + file.readUInt32LE(at + 4));
   });
-  const [width, height] = [14, 16].map((at) => images[0].readUInt16LE(at) & 0x3fff);
+  const sizes = images.map((image) => [14, 16].map((at) => image.readUInt16LE(at) & 0x3fff));
+  const [[width, height]] = sizes;
+  if (sizes.some((size) => String(size) !== String(sizes[0]))) {
+    throw new Error(`frames of several sizes: ${[...new Set(sizes.map(String))].join("; ")}`);
+  }
   const size = Buffer.concat([uint(width - 1, 3), uint(height - 1, 3)]);
   return chunk(
     "RIFF", Buffer.from("WEBP"), chunk("VP8X", uint(2, 4), size), chunk("ANIM", uint(0, 6)),
