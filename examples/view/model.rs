@@ -1,8 +1,9 @@
-//! What is open: a mesh with its poses, triangles and tiles, and what surrounds each vertex.
+//! What is open: a mesh with its poses, triangles and tiles.
 
 use std::path::PathBuf;
 
 use vrtm::{Asset, Backend, Device, DeviceSettings, MeshSource, Strided};
+use vrtm_paint::Surface;
 
 use crate::failure::{Failure, Result};
 use crate::gltf::{self, Choice, Contents, Opened};
@@ -49,9 +50,8 @@ pub struct Model {
     /// Centre and radius of the mesh in all poses.
     pub centre: [f32; 3],
     pub radius: f32,
-    /// The triangles at each vertex: those of vertex v are `around[starts[v]..starts[v + 1]]`.
-    starts: Vec<u32>,
-    around: Vec<u32>,
+    /// The triangles to paint on.
+    pub surface: Surface,
 }
 
 /// The layers that charts come into at most where they lie over one another, as in Blender.
@@ -116,7 +116,8 @@ impl Model {
                 of_tiles.get(&page.udim).cloned().unwrap_or_default();
         }
         let (centre, radius) = ball(rest.iter().chain(poses.iter().flatten()));
-        let (starts, around) = surroundings(&triangles, rest.len());
+        let uvs = triangles.iter().map(|t| t.uvs.map(|uv| uv.map(|x| x as f32))).collect();
+        let surface = Surface::new(triangles.iter().map(|t| t.vertices).collect(), uvs, rest.len());
         Ok(Model {
             timeline: timeline(numbers.or_else(|| numbers_of(&files.pose)), frames.len()),
             name,
@@ -136,8 +137,7 @@ impl Model {
             notice,
             centre,
             radius,
-            starts,
-            around,
+            surface,
         })
     }
 
@@ -177,19 +177,6 @@ impl Model {
             Some(frame) if frame.note.is_empty() => format!("pose {}", self.timeline.label(key)),
             Some(frame) => format!("pose {}: {}", self.timeline.label(key), frame.note),
         }
-    }
-
-    /// The triangles at a vertex.
-    pub fn around(&self, vertex: u32) -> &[u32] {
-        let [start, end] = [0, 1].map(|k| self.starts[vertex as usize + k] as usize);
-        &self.around[start..end]
-    }
-
-    /// Another surface, for a test.
-    #[cfg(test)]
-    pub fn replace_for_test(&mut self, rest: Vec<[f32; 3]>, triangles: Vec<Triangle>) {
-        (self.starts, self.around) = surroundings(&triangles, rest.len());
-        (self.rest, self.triangles) = (rest, triangles);
     }
 
     /// The tile of a triangle.
@@ -238,21 +225,6 @@ fn ball<'a>(points: impl Iterator<Item = &'a [f32; 3]> + Clone) -> ([f32; 3], f3
     let centre = [0, 1, 2].map(|c| 0.5 * (low[c] + high[c]));
     let radius = points.map(|&p| length(minus(p, centre))).fold(1e-12, f32::max);
     (centre, radius)
-}
-
-fn surroundings(triangles: &[Triangle], vertices: usize) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0u32; vertices + 1];
-    let corners = || triangles.iter().enumerate().flat_map(|(k, t)| t.vertices.map(|v| (k, v as usize)));
-    corners().for_each(|(_, v)| starts[v + 1] += 1);
-    for v in 0..vertices {
-        starts[v + 1] += starts[v];
-    }
-    let (mut next, mut around) = (starts.clone(), vec![0; triangles.len() * 3]);
-    for (k, v) in corners() {
-        around[next[v] as usize] = k as u32;
-        next[v] += 1;
-    }
-    (starts, around)
 }
 
 pub fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {

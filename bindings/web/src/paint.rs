@@ -9,9 +9,6 @@ use crate::Result;
 use crate::arrays::Array;
 use crate::objects::object;
 
-/// Texels beside charts that are painted with them.
-const MARGIN: f32 = 2.0;
-
 /// Columns and rows, from which the bytes of a texel and those of all maps are counted.
 fn texels(name: &str, size: &[u32]) -> Result<[usize; 2]> {
     match size.iter().map(|&side| side as usize).collect::<Vec<_>>()[..] {
@@ -79,12 +76,9 @@ pub fn of_detail(
 /// The surface of a mesh to paint on, in a pose.
 #[wasm_bindgen]
 pub struct Surface {
-    vertices: Vec<[u32; 3]>,
-    uvs: Vec<[[f32; 2]; 3]>,
-    /// The texels around each triangle that are painted with it: 0 within charts.
-    margins: Vec<f32>,
-    /// The triangles at each vertex.
-    around: Vec<Vec<u32>>,
+    surface: paint::Surface,
+    /// Number of its vertices, and where they are; nowhere before the first pose.
+    vertices: usize,
     positions: Vec<[f32; 3]>,
     /// Half floats of the redirection, and its columns and rows.
     delta: (Vec<u8>, [usize; 2]),
@@ -104,34 +98,9 @@ impl Surface {
                 Error::argument("mesh: its faces are triangles, with vertices and UVs in range").into()
             );
         }
-        let mut around = vec![Vec::new(); vertices];
-        for (k, &vertex) in indices.iter().enumerate() {
-            around[vertex as usize].push(k as u32 / 3);
-        }
-        let of_corners: Vec<_> =
-            uv_indices.as_chunks().0.iter().map(|of| of.map(|uv| uvs[uv as usize])).collect();
-        let corner = |k: u32, vertex| {
-            let place = corners[k as usize].iter().position(|v| *v == vertex);
-            place.map(|place| of_corners[k as usize][place])
-        };
-        // An edge within a chart has another triangle with the same UVs at both ends.
-        let is_within = |k: u32, [a, b]: [u32; 2]| {
-            let same = |other: u32| [a, b].iter().all(|&v| corner(other, v) == corner(k, v));
-            around[a as usize].iter().any(|&other: &u32| other != k && same(other))
-        };
-        let margin = |(k, &[a, b, c]): (usize, &[u32; 3])| {
-            let is_inside = [[a, b], [b, c], [c, a]].into_iter().all(|edge| is_within(k as u32, edge));
-            if is_inside { 0.0 } else { MARGIN }
-        };
-        let margins = corners.iter().enumerate().map(margin).collect();
-        Ok(Surface {
-            vertices: corners.to_vec(),
-            margins,
-            uvs: of_corners,
-            around,
-            positions: Vec::new(),
-            delta: (Vec::new(), [0, 0]),
-        })
+        let uvs = uv_indices.as_chunks().0.iter().map(|of| of.map(|uv| uvs[uv as usize])).collect();
+        let surface = paint::Surface::new(corners.to_vec(), uvs, vertices);
+        Ok(Surface { surface, vertices, positions: Vec::new(), delta: (Vec::new(), [0, 0]) })
     }
 
     /// Sets the pose, and the redirection through which the texture is seen there.
@@ -140,12 +109,12 @@ impl Surface {
         let of_vertices = positions.strided(3)?;
         let size = texels("size", size)?;
         let delta = Array::new("delta", delta)?.halves()?.to_vec();
-        if positions.len() != 3 * self.around.len() || delta.len() != 4 * size[0] * size[1] {
+        if positions.len() != 3 * self.vertices || delta.len() != 4 * size[0] * size[1] {
             return Err(
                 Error::argument("pose: it has not the mesh's vertices, or not the delta's texels").into()
             );
         }
-        self.positions = (0..self.around.len()).map(|k| of_vertices.get3(k).map(|x| x as f32)).collect();
+        self.positions = (0..self.vertices).map(|k| of_vertices.get3(k).map(|x| x as f32)).collect();
         self.delta = (delta, size);
         Ok(())
     }
@@ -153,11 +122,13 @@ impl Surface {
     /// The triangle that a ray hits first, the place there and its UV; nothing where it hits none.
     pub fn hit(&self, from: &[f32], way: &[f32]) -> Result<JsValue> {
         let ray = (three("from", from)?, three("way", way)?);
-        let triangles = if self.positions.is_empty() { 0 } else { self.vertices.len() };
-        let found = paint::hit(ray, triangles, |k| self.corners(k)).map(|(triangle, weights)| {
+        if self.positions.is_empty() {
+            return Ok(JsValue::NULL);
+        }
+        let found = self.surface.hit(&self.positions, ray).map(|(triangle, weights)| {
             let list = |numbers: &[f32]| numbers.iter().map(|&x| JsValue::from(x)).collect::<js_sys::Array>();
-            let point = list(&paint::mixed(self.corners(triangle), weights));
-            let uv = list(&paint::mixed(self.uvs[triangle], weights));
+            let point = list(&paint::mixed(self.surface.corners(triangle, &self.positions), weights));
+            let uv = list(&self.surface.uv(triangle, weights));
             object(&[("triangle", triangle.into()), ("point", point.into()), ("uv", uv.into())]).into()
         });
         Ok(found.unwrap_or(JsValue::NULL))
@@ -173,7 +144,7 @@ impl Surface {
         size: &[u32],
     ) -> Result<Object> {
         let (ball, size) = ((three("point", point)?, radius), texels("size", size)?);
-        if triangle >= self.vertices.len() || self.positions.is_empty() {
+        if triangle >= self.surface.triangles() || self.positions.is_empty() {
             return Err(Error::argument("dab: there is no such triangle, or no pose yet").into());
         }
         let (delta, grid) = &self.delta;
@@ -181,18 +152,11 @@ impl Surface {
             let at = 4 * (row * grid[0] + column);
             [at, at + 2].map(|at| half(u16::from_le_bytes([delta[at], delta[at + 1]])))
         };
-        let around = |v: u32| &*self.around[v as usize];
         let mut found = Vec::new();
-        for k in paint::disc(triangle, ball, &self.positions, |k| self.vertices[k], around) {
-            paint::fill(
-                (self.corners(k), self.uvs[k], self.margins[k]),
-                ball,
-                size,
-                (*grid, delta),
-                |texel, away| {
-                    found.push((texel as u32, paint::cover(away, softness)));
-                },
-            );
+        for k in self.surface.disc(&self.positions, triangle, ball) {
+            self.surface.fill((k, &self.positions), ball, size, (*grid, delta), |texel, away| {
+                found.push((texel as u32, paint::cover(away, softness)));
+            });
         }
         found.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
         found.dedup_by_key(|(texel, _)| *texel);
@@ -200,12 +164,6 @@ impl Surface {
         let lists =
             [("texels", Uint32Array::from(&*texels).into()), ("cover", Float32Array::from(&*cover).into())];
         Ok(object(&lists))
-    }
-}
-
-impl Surface {
-    fn corners(&self, triangle: usize) -> [[f32; 3]; 3] {
-        self.vertices[triangle].map(|v| self.positions[v as usize])
     }
 }
 

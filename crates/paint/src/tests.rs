@@ -1,4 +1,4 @@
-use crate::{Picture, cover, disc, fill, fitted, hit, mixed, of_brightness, of_colour, of_detail, otsu};
+use crate::{Picture, Surface, cover, fitted, mixed, of_brightness, of_colour, of_detail, otsu};
 
 /// The picture of `test_rigidity.py`, whose bytes `value` makes of noise and the column.
 fn picture([width, height]: [usize; 2], value: impl Fn(usize, usize) -> usize) -> Vec<u8> {
@@ -71,8 +71,7 @@ fn a_brush_fades_out_over_its_soft_part() {
 /// of 0.2 between them.
 struct Sheets {
     positions: Vec<[f32; 3]>,
-    triangles: Vec<([u32; 3], [[f32; 2]; 3])>,
-    around: Vec<Vec<u32>>,
+    surface: Surface,
 }
 
 const SIDE: u32 = 8;
@@ -80,7 +79,7 @@ const SIZE: [usize; 2] = [80, 64];
 
 impl Sheets {
     fn new() -> Sheets {
-        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let (mut positions, mut vertices, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
         let part = |k: u32| k as f32 / SIDE as f32;
         for sheet in 0..2 {
             let vertex = |x, y| (sheet * (SIDE + 1) + y) * (SIDE + 1) + x;
@@ -91,29 +90,26 @@ impl Sheets {
                     let corner = |(i, j): (u32, u32)| (vertex(i, j), [0.8 * part(i) + gap, part(j)]);
                     let corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)].map(corner);
                     for k in [[0, 1, 2], [0, 2, 3]] {
-                        triangles.push((k.map(|k| corners[k].0), k.map(|k| corners[k].1)));
+                        vertices.push(k.map(|k| corners[k].0));
+                        uvs.push(k.map(|k| corners[k].1));
                     }
                 }
             }
         }
-        let at = |v| (0..triangles.len() as u32).filter(|&k| triangles[k as usize].0.contains(&v)).collect();
-        let around = (0..positions.len() as u32).map(at).collect();
-        Sheets { positions, triangles, around }
+        let surface = Surface::new(vertices, uvs, positions.len());
+        Sheets { positions, surface }
     }
 
     /// The distance at each texel under a brush of this radius at (0.5, 0.5); over 1 beyond it.
     fn dabbed(&self, radius: f32, grid: [usize; 2], delta: [f32; 2]) -> Vec<f32> {
         let ball = ([0.5, 0.5, 0.0], radius);
-        let first = self.around[(SIDE / 2 * (SIDE + 2)) as usize][0] as usize;
-        let vertices = |k: usize| self.triangles[k].0;
-        let under = disc(first, ball, &self.positions, vertices, |v| &self.around[v as usize]);
-        assert!(under.iter().all(|&k| k < self.triangles.len() / 2), "the other sheet");
+        // A triangle with a corner there.
+        let first = (SIDE * SIDE + SIDE) as usize;
+        let under = self.surface.disc(&self.positions, first, ball);
+        assert!(under.iter().all(|&k| k < self.surface.triangles() / 2), "the other sheet");
         let mut all = vec![9.0f32; SIZE[0] * SIZE[1]];
         for k in under {
-            let corners = vertices(k).map(|v| self.positions[v as usize]);
-            let is_beside = |&v: &u32| v % (SIDE + 1) == SIDE / 2;
-            let margin = if vertices(k).iter().filter(|v| is_beside(v)).count() > 1 { 2.0 } else { 0.0 };
-            fill((corners, self.triangles[k].1, margin), ball, SIZE, (grid, |_, _| delta), |texel, away| {
+            self.surface.fill((k, &self.positions), ball, SIZE, (grid, |_, _| delta), |texel, away| {
                 all[texel] = all[texel].min(away);
             });
         }
@@ -123,14 +119,13 @@ impl Sheets {
 
 #[test]
 fn a_ray_hits_the_sheet_that_comes_first() {
-    let Sheets { positions, triangles, .. } = Sheets::new();
-    let corners = |k: usize| triangles[k].0.map(|v| positions[v as usize]);
+    let Sheets { positions, surface } = Sheets::new();
     for (height, sheet) in [(1.0, 1), (-1.0, 0)] {
-        let (at, w) = hit(([0.3, 0.65, height], [0.0, 0.05, -height]), triangles.len(), corners).unwrap();
-        assert_eq!(at / (triangles.len() / 2), sheet);
-        let place = mixed(corners(at), w);
+        let (at, w) = surface.hit(&positions, ([0.3, 0.65, height], [0.0, 0.05, -height])).unwrap();
+        assert_eq!(at / (surface.triangles() / 2), sheet);
+        let place = mixed(surface.corners(at, &positions), w);
         assert!((place[0] - 0.3).abs() < 1e-6 && (place[1] - 0.7).abs() < 1e-4, "{place:?}");
-        assert_eq!(hit(([0.3, 0.65, height], [0.0, 0.0, height]), triangles.len(), corners), None);
+        assert_eq!(surface.hit(&positions, ([0.3, 0.65, height], [0.0, 0.0, height])), None);
     }
 }
 

@@ -92,10 +92,9 @@ impl App {
         let has_strain = self.shown.is_some();
         viewport::overlay(ui, area, &self.look, has_strain);
         if let (Shown::Strain, Some(open), Some(answer)) = (self.look.shown, &self.open, &self.shown) {
-            let projected = self.stroke.projected(&camera, &answer.positions);
             for (pane, &redirected) in self.look.redirected().iter().enumerate() {
                 let places = (self.look.pane(area, pane), self.look.seen(area, pane));
-                let is_seen = |hit: &Hit| projected.shows(&open.model, &answer.positions, &camera, hit);
+                let is_seen = |hit: &Hit| hit.shows(&open.model, &answer.positions, &camera);
                 let rings = self.rings[usize::from(redirected)].iter().filter(|(hit, _)| is_seen(hit));
                 rings.for_each(|(hit, radius)| viewport::outline(ui, places, &camera, hit, *radius));
             }

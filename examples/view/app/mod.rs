@@ -180,7 +180,6 @@ impl App {
         self.flow.learn(&answer, self.settings.quality);
         open.scene.show(&self.gpu, &answer);
         self.screen.changed();
-        self.stroke.moved();
         self.rings = worst::rings(&open.model, &answer);
         self.shown = Some(answer);
     }

@@ -66,7 +66,6 @@ impl App {
         self.shown = None;
         self.history = History::default();
         self.screen.changed();
-        self.stroke.moved();
         let mut line = model.timeline.clone();
         line.rate = self.rate;
         // What one sees first is what there is to see.

@@ -4,10 +4,9 @@ use eframe::egui::{Key, Modifiers, Ui, Vec2};
 use serde_json::json;
 
 use super::{App, Open};
-use crate::brush::disc::closest;
 use crate::brush::kind::{Brush, Click};
 use crate::brush::mirror;
-use crate::brush::pick::{Hit, Projected};
+use crate::brush::pick::Hit;
 use crate::brush::steps::Change;
 use crate::brush::textures::{Source, colour};
 use crate::draw::camera::Camera;
@@ -20,25 +19,10 @@ use crate::solve::inbox::Edit;
 /// The brush between two passes over the window.
 #[derive(Default)]
 pub struct Stroke {
-    /// The vertices on the picture, and the camera for which they were computed.
-    projected: Option<(Camera, Projected)>,
     /// The pane under the mouse, the point of the surface there, and the brush's radius in space.
     pub under: Option<(usize, Hit, f32)>,
     /// The pane and the place of the last dab.
     last: Option<(usize, [f32; 2])>,
-}
-
-impl Stroke {
-    /// Tells that the mesh moved.
-    pub fn moved(&mut self) {
-        self.projected = None;
-    }
-
-    /// The vertices on the picture.
-    pub fn projected(&mut self, camera: &Camera, positions: &[[f32; 3]]) -> &Projected {
-        let known = self.projected.take().filter(|(of, _)| of == camera);
-        &self.projected.insert(known.unwrap_or_else(|| (*camera, Projected::new(camera, positions)))).1
-    }
 }
 
 /// Dabs per radius along a stroke.
@@ -86,17 +70,17 @@ impl App {
         let Some(answer) = &self.shown else { return false };
         let positions = &answer.positions;
         let model = &open.model;
-        let radius = |hit: &Hit| self.brush.radius / size.y * camera.height(hit.depth);
-        let mut hits: Vec<Hit> = Vec::new();
+        let mut hits: Vec<(Hit, f32)> = Vec::new();
         let from = self.stroke.last.filter(|(of, _)| mouse.paints && *of == pane).map_or(at, |(_, at)| at);
         let way = [0, 1].map(|c| (at[c] - from[c]) * size[c]);
         let steps = (way[0].hypot(way[1]) / self.brush.radius * DENSITY).ceil().max(1.0) as usize;
-        let projected = self.stroke.projected(camera, positions);
         for k in 1..=steps.min(MOST) {
             let t = k as f32 / steps.min(MOST) as f32;
-            hits.extend(projected.pick(model, positions, [0, 1].map(|c| from[c] + (at[c] - from[c]) * t)));
+            let at = [0, 1].map(|c| from[c] + (at[c] - from[c]) * t);
+            let radius = |hit: &Hit| self.brush.radius / size.y * camera.height(hit.position);
+            hits.extend(Hit::pick(model, positions, camera, at).map(|hit| (hit, radius(&hit))));
         }
-        self.stroke.under = hits.last().map(|hit| (pane, *hit, radius(hit)));
+        self.stroke.under = hits.last().map(|&(hit, radius)| (pane, hit, radius));
         if !mouse.paints {
             return false;
         }
@@ -109,16 +93,18 @@ impl App {
         let brush = Brush { erase, ..self.brush };
         if brush.symmetry {
             let plane = mirror::plane(model);
-            let other = |hit: &Hit| mirror::opposite(model, positions, hit, plane, radius(hit));
+            let other = |&(ref hit, radius): &(Hit, f32)| {
+                mirror::opposite(model, positions, hit, plane, radius).map(|hit| (hit, radius))
+            };
             hits.extend(hits.iter().filter_map(other).collect::<Vec<_>>());
         }
         let seen = self.look.redirected()[pane].then_some(answer.tiles.as_slice());
         if brush.click != Click::Paint {
             // One press fills once.
             if before.is_none() {
-                let fill = |hit: &Hit| match brush.click {
+                let fill = |(hit, _): &(Hit, f32)| match brush.click {
                     Click::Colour => {
-                        let (page, uv) = texture_place(model, positions, seen, hit);
+                        let (page, uv) = texture_place(model, seen, hit);
                         let colours = &open.pictures.colours;
                         let taken = colours[page].as_ref().map(|image| Source::Colour(colour(image, uv)));
                         taken.map(|taken| open.painter.take(colours, taken, &brush)).unwrap_or_default()
@@ -134,8 +120,8 @@ impl App {
             open.painter.begin();
         }
         let mut changes: Vec<Change> = Vec::new();
-        for hit in &hits {
-            for change in open.painter.dab(model, positions, seen, hit, (&brush, radius(hit))) {
+        for (hit, radius) in hits {
+            for change in open.painter.dab(model, positions, seen, &hit, (&brush, radius)) {
                 match changes.iter_mut().find(|known| known.page == change.page) {
                     Some(known) => known.rect = known.rect.with(change.rect),
                     None => changes.push(change),
@@ -175,14 +161,8 @@ impl App {
 }
 
 /// The page of a point of the surface, and the UV of what its texture shows there.
-fn texture_place(
-    model: &Model,
-    positions: &[[f32; 3]],
-    seen: Option<&[Solved]>,
-    hit: &Hit,
-) -> (usize, [f32; 2]) {
-    let (triangle, tile) = (&model.triangles[hit.triangle], model.tile_of(hit.triangle));
-    let w = closest(hit.position, triangle.vertices.map(|v| positions[v as usize]));
-    let uv = [0, 1].map(|c| (0..3).map(|k| w[k] * triangle.uvs[k][c] as f32).sum());
+fn texture_place(model: &Model, seen: Option<&[Solved]>, hit: &Hit) -> (usize, [f32; 2]) {
+    let tile = model.tile_of(hit.triangle);
+    let uv = model.surface.uv(hit.triangle, hit.weights);
     (model.tiles[tile].page, seen.map_or(uv, |seen| seen[tile].maps.redirected(uv)))
 }

@@ -65,6 +65,11 @@ impl Canvas {
         [part[0], 1.0 - part[1]]
     }
 
+    /// Column and row of a texel.
+    pub fn place(&self, index: usize) -> [u32; 2] {
+        [index as u32 % self.size[0], index as u32 / self.size[0]]
+    }
+
     pub fn index(&self, at: [u32; 2]) -> usize {
         (at[1] * self.size[0] + at[0]) as usize
     }

@@ -1,8 +1,9 @@
 //! The other side of a mesh that is symmetric at rest.
 
-use super::disc::closest;
+use vrtm_paint::{closest, mixed};
+
 use super::pick::Hit;
-use crate::model::{Model, cross, length, minus, unit};
+use crate::model::{Model, length, minus};
 
 /// The plane across x at rest: that through the origin, unless the mesh lies beside it.
 pub fn plane(model: &Model) -> f32 {
@@ -14,16 +15,11 @@ pub fn plane(model: &Model) -> f32 {
 
 /// The point of the surface opposite to another one, if it lies within `reach` of the mirrored place at rest.
 pub fn opposite(model: &Model, positions: &[[f32; 3]], hit: &Hit, plane: f32, reach: f32) -> Option<Hit> {
-    let corners = |k: usize, of: &[[f32; 3]]| model.triangles[k].vertices.map(|v| of[v as usize]);
-    let within =
-        |w: [f32; 3], corners: [[f32; 3]; 3]| [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
-    let weights = closest(hit.position, corners(hit.triangle, positions));
-    let [x, y, z]: [f32; 3] = within(weights, corners(hit.triangle, &model.rest));
+    let [x, y, z] = mixed(model.surface.corners(hit.triangle, &model.rest), hit.weights);
     let place = [2.0 * plane - x, y, z];
-    let mut best: Option<(usize, [f32; 3])> = None;
-    let mut nearest = reach;
+    let (mut best, mut nearest) = (None, reach);
     for k in 0..model.triangles.len() {
-        let at = corners(k, &model.rest);
+        let at = model.surface.corners(k, &model.rest);
         // All of the triangle lies farther away.
         let beyond = |c: usize| {
             at.iter().all(|p| p[c] > place[c] + nearest) || at.iter().all(|p| p[c] < place[c] - nearest)
@@ -32,15 +28,12 @@ pub fn opposite(model: &Model, positions: &[[f32; 3]], hit: &Hit, plane: f32, re
             continue;
         }
         let w = closest(place, at);
-        let distance = length(minus(within(w, at), place));
+        let distance = length(minus(mixed(at, w), place));
         if distance <= nearest {
             (best, nearest) = (Some((k, w)), distance);
         }
     }
-    let (triangle, w) = best?;
-    let at = corners(triangle, positions);
-    let normal = unit(cross(minus(at[1], at[0]), minus(at[2], at[0])));
-    Some(Hit { triangle, position: within(w, at), normal, depth: hit.depth })
+    Some(Hit::new(model, positions, best?))
 }
 
 #[cfg(test)]
@@ -57,11 +50,10 @@ mod tests {
         let triangle = 5;
         let corners = model.triangles[triangle].vertices.map(|v| model.rest[v as usize]);
         let at: [f32; 3] = [0, 1, 2].map(|c| corners.iter().map(|p| p[c]).sum::<f32>() / 3.0);
-        let hit = Hit { triangle, position: posed(at), normal: [0.0; 3], depth: 1.0 };
+        let hit = Hit::new(&model, &pose, (triangle, [1.0 / 3.0; 3]));
         let found = opposite(&model, &pose, &hit, x, 0.1 * model.radius).expect("the sheet is symmetric");
         let expected = posed([2.0 * x - at[0], at[1], at[2]]);
         assert!(length(minus(found.position, expected)) < 1e-4 * model.radius, "{found:?} {expected:?}");
-        let beside = Hit { position: hit.position, ..hit };
-        assert!(opposite(&model, &pose, &beside, x + 9.0 * model.radius, 0.1 * model.radius).is_none());
+        assert!(opposite(&model, &pose, &hit, x + 9.0 * model.radius, 0.1 * model.radius).is_none());
     }
 }

@@ -1,11 +1,8 @@
-//! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what of the surface
-//! lies around it (`disc`) or in its chart (`islands`), which triangle is at a texel (`ids`), what a stroke changes
-//! in the maps (`painter`), maps from textures (`textures`), tools that change all of a map (`whole`), and taking back
-//! what was done (`steps`).
+//! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what a stroke changes in the
+//! maps (`painter`, on the surface of `vrtm_paint`), maps from textures (`textures`), tools that change all of a map
+//! (`whole`), and taking back what was done (`steps`).
 
 pub mod canvas;
-pub mod disc;
-pub mod ids;
 pub mod kind;
 pub mod mirror;
 pub mod painter;

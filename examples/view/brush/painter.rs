@@ -3,13 +3,11 @@
 use vrtm_examples::islands::islands;
 
 use super::canvas::{Canvas, Rect};
-use super::disc::{Part, disc};
-use super::ids::Ids;
 use super::kind::Brush;
 use super::pick::Hit;
 use super::steps::{Change, Steps};
 use super::whole::{Tool, used};
-use crate::model::{Model, length, minus};
+use crate::model::Model;
 use crate::solve::answer::{Maps, Solved};
 
 /// A page's part in a stroke.
@@ -27,8 +25,8 @@ struct Touched {
 pub struct Painter {
     /// Per page.
     pub canvases: Vec<Canvas>,
-    /// Per tile: layers of a page have triangles of their own at a texel.
-    ids: Vec<Option<Ids>>,
+    /// The chart at each texel, per tile, once it is wanted: layers of a page have charts of their own there.
+    charts: Vec<Option<Vec<Option<u32>>>>,
     /// The chart of each triangle.
     islands: Vec<u32>,
     stroke: Option<Vec<Touched>>,
@@ -43,8 +41,8 @@ impl Painter {
 
     /// The same maps for a model with the same pages.
     pub fn for_model(self, model: &Model) -> Painter {
-        let ids = model.tiles.iter().map(|_| None).collect();
-        Painter { ids, islands: islands(&model.triangles), ..self }
+        let charts = vec![None; model.tiles.len()];
+        Painter { charts, islands: islands(&model.triangles), ..self }
     }
 
     /// Begins a stroke.
@@ -66,13 +64,12 @@ impl Painter {
         hit: &Hit,
         (brush, radius): (&Brush, f32),
     ) -> Vec<Change> {
-        let parts = disc(model, positions, hit.triangle, hit.position, radius);
         let mut dirty: Vec<(usize, Rect)> = Vec::new();
-        for part in &parts {
-            let tile = model.tile_of(part.triangle);
+        for triangle in model.surface.disc(positions, hit.triangle, (hit.position, radius)) {
+            let tile = model.tile_of(triangle);
             let maps = seen.map(|seen| &*seen[tile].maps);
-            if let Some(rect) = self.fill(model, positions, maps, (part, tile), hit.position, (brush, radius))
-            {
+            let ball = (hit.position, radius);
+            if let Some(rect) = self.fill(model, positions, maps, (triangle, tile), ball, brush) {
                 let page = model.tiles[tile].page;
                 match dirty.iter_mut().find(|(of, _)| *of == page) {
                     Some((_, all)) => *all = all.with(rect),
@@ -90,13 +87,13 @@ impl Painter {
         model: &Model,
         positions: &[[f32; 3]],
         maps: Option<&Maps>,
-        (part, tile): (&Part, usize),
-        centre: [f32; 3],
-        (brush, radius): (&Brush, f32),
+        (triangle, tile): (usize, usize),
+        ball: ([f32; 3], f32),
+        brush: &Brush,
     ) -> Option<Rect> {
         let page = model.tiles[tile].page;
         let canvas = &mut self.canvases[page];
-        let ids = self.ids[tile].get_or_insert_with(|| ids_of(model, tile, canvas.size));
+        let charts = self.charts[tile].get_or_insert_with(|| charts(model, &self.islands, tile, canvas.size));
         let stroke = self.stroke.get_or_insert_default();
         let touched = match stroke.iter().position(|touched| touched.page == page) {
             Some(k) => &mut stroke[k],
@@ -106,30 +103,22 @@ impl Painter {
                 stroke.last_mut()?
             }
         };
-        let [low, high] = texture_box(maps, part, canvas.size);
-        let [first, last] = [canvas.texel([low[0], high[1]]), canvas.texel([high[0], low[1]])];
-        let triangle = &model.triangles[part.triangle];
-        let corners = triangle.vertices.map(|v| positions[v as usize]);
+        let size = canvas.size.map(|side| side as usize);
+        let grid = maps.map_or(size, |maps| maps.size.map(|side| side as usize));
+        // Rows of the map run upward.
+        let delta =
+            |x: usize, y: usize| maps.map_or([0.0; 2], |maps| maps.delta[(grid[1] - 1 - y) * grid[0] + x]);
         let mut changed: Option<Rect> = None;
-        for y in first[1]..=last[1] {
-            for x in first[0]..=last[0] {
-                let uv = canvas.uv([x, y]);
-                let on = maps.map_or(uv, |maps| maps.warped(uv));
-                if ids.at(on) != Some(part.triangle) {
-                    continue;
-                }
-                let w = weights(triangle.uvs.map(|uv| uv.map(|x| x as f32)), on);
-                let place = [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
-                let cover = vrtm_paint::cover(length(minus(place, centre)) / radius, brush.softness);
-                let k = canvas.index([x, y]);
-                if cover > touched.cover[k] {
-                    touched.cover[k] = cover;
-                    let before = f32::from(touched.before[k]);
-                    canvas.texels[k] = (before + (brush.target() - before) * cover).round() as u16;
-                    changed = Some(Rect::around(changed, [x, y]));
-                }
+        model.surface.fill((triangle, positions), ball, size, (grid, delta), |texel, away| {
+            let cover = vrtm_paint::cover(away, brush.softness);
+            // What lies beside a chart may be another's.
+            if cover > touched.cover[texel] && charts[texel] == Some(self.islands[triangle]) {
+                touched.cover[texel] = cover;
+                let before = f32::from(touched.before[texel]);
+                canvas.texels[texel] = (before + (brush.target() - before) * cover).round() as u16;
+                changed = Some(Rect::around(changed, canvas.place(texel)));
             }
-        }
+        });
         if let Some(rect) = changed {
             touched.rect = if touched.rect.size == [0, 0] { rect } else { touched.rect.with(rect) };
         }
@@ -141,7 +130,7 @@ impl Painter {
         self.end();
         let before = std::mem::replace(&mut self.canvases, canvases);
         if before.iter().zip(&self.canvases).any(|(before, now)| before.size != now.size) {
-            self.ids.iter_mut().for_each(|ids| *ids = None);
+            self.charts.fill(None);
             return self.steps.clear();
         }
         let whole = |(page, canvas): (usize, Canvas)| {
@@ -154,10 +143,11 @@ impl Painter {
     /// Gives all of the chart of a triangle one value. Returns what changed.
     pub fn fill_island(&mut self, model: &Model, triangle: usize, brush: &Brush) -> Vec<Change> {
         let (tile, island) = (model.tile_of(triangle), self.islands[triangle]);
-        let (charts, page) = (self.charts(model, tile), model.tiles[tile].page);
+        let page = model.tiles[tile].page;
         let value = brush.target().round() as u16;
-        let texels = self.canvases[page].texels.iter().zip(charts);
-        let texels = texels.map(|(&texel, of)| if of == Some(island) { value } else { texel }).collect();
+        let texels = self.canvases[page].texels.clone();
+        let texels = texels.into_iter().zip(self.charts(model, tile));
+        let texels = texels.map(|(texel, of)| if *of == Some(island) { value } else { texel }).collect();
         self.set(vec![(page, texels)])
     }
 
@@ -167,18 +157,17 @@ impl Painter {
         let mut all = Vec::new();
         for page in 0..self.canvases.len() {
             let tile = model.tiles.partition_point(|tile| tile.page < page);
-            let charts = self.charts(model, tile);
-            all.push((page, used(tool, &self.canvases[page], &charts)));
+            self.charts(model, tile);
+            let charts = self.charts[tile].as_deref().unwrap_or_default();
+            all.push((page, used(tool, &self.canvases[page], charts)));
         }
         self.set(all)
     }
 
     /// The chart of each texel of a tile.
-    fn charts(&mut self, model: &Model, tile: usize) -> Vec<Option<u32>> {
-        let canvas = &self.canvases[model.tiles[tile].page];
-        let ids = self.ids[tile].get_or_insert_with(|| ids_of(model, tile, canvas.size));
-        let texels = (0..canvas.size[1]).flat_map(|y| (0..canvas.size[0]).map(move |x| [x, y]));
-        texels.map(|at| ids.at(canvas.uv(at)).map(|triangle| self.islands[triangle])).collect()
+    fn charts(&mut self, model: &Model, tile: usize) -> &[Option<u32>] {
+        let size = self.canvases[model.tiles[tile].page].size;
+        self.charts[tile].get_or_insert_with(|| charts(model, &self.islands, tile, size))
     }
 
     /// Takes the new texels of pages as one step. Returns what changed.
@@ -187,10 +176,8 @@ impl Painter {
         let (mut before, mut after) = (Vec::new(), Vec::new());
         for (page, texels) in pages {
             let canvas = &mut self.canvases[page];
-            let width = canvas.size[0] as usize;
             let differing = (0..texels.len()).filter(|&k| texels[k] != canvas.texels[k]);
-            let at = |k: usize| [(k % width) as u32, (k / width) as u32];
-            let rect = differing.fold(None, |rect, k| Some(Rect::around(rect, at(k))));
+            let rect = differing.fold(None, |rect, k| Some(Rect::around(rect, canvas.place(k))));
             let Some(rect) = rect else { continue };
             before.push(Change { page, rect, texels: canvas.copy(rect) });
             canvas.texels = texels;
@@ -225,40 +212,16 @@ impl Painter {
     }
 }
 
-fn ids_of(model: &Model, tile: usize, size: [u32; 2]) -> Ids {
-    let range = model.tiles[tile].range.clone();
-    Ids::new(range.clone().zip(&model.triangles[range]), size)
-}
-
-/// The least and greatest UV of the texture that is seen on a part of a triangle, with a margin of a texel.
-fn texture_box(maps: Option<&Maps>, part: &Part, size: [u32; 2]) -> [[f32; 2]; 2] {
-    let margin = size.map(|side| 2.5 / side as f32);
-    let [mut low, mut high] = [part.low, part.high];
-    if let Some(maps) = maps {
-        let texel = |uv: f32, c: usize, by: i64| {
-            let side = maps.size[c];
-            ((uv * side as f32).floor() as i64 + by).clamp(0, i64::from(side) - 1) as usize
-        };
-        let (mut least, mut most) = ([f32::MAX; 2], [f32::MIN; 2]);
-        for y in texel(part.low[1], 1, -1)..=texel(part.high[1], 1, 1) {
-            for x in texel(part.low[0], 0, -1)..=texel(part.high[0], 0, 1) {
-                let delta = maps.delta[y * maps.size[0] as usize + x];
-                least = [0, 1].map(|c| least[c].min(delta[c]));
-                most = [0, 1].map(|c| most[c].max(delta[c]));
-            }
+/// The chart at each texel of a tile: texels beside charts belong to them unless they lie in another.
+fn charts(model: &Model, islands: &[u32], tile: usize, size: [u32; 2]) -> Vec<Option<u32>> {
+    let size = size.map(|side| side as usize);
+    let mut all = vec![None; size[0] * size[1]];
+    for margin in [vrtm_paint::MARGIN, 0.01] {
+        for triangle in model.tiles[tile].range.clone() {
+            model.surface.texels(triangle, margin, size, |texel| all[texel] = Some(islands[triangle]));
         }
-        low = [0, 1].map(|c| low[c] + least[c]);
-        high = [0, 1].map(|c| high[c] + most[c]);
     }
-    [[0, 1].map(|c| low[c] - margin[c]), [0, 1].map(|c| high[c] + margin[c])]
-}
-
-/// The weights of a triangle's corners at a UV.
-fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
-    let side = |p: [f32; 2], q: [f32; 2]| (q[0] - p[0]) * (uv[1] - p[1]) - (q[1] - p[1]) * (uv[0] - p[0]);
-    let w = [side(b, c), side(c, a), side(a, b)];
-    let sum: f32 = w.iter().sum();
-    if sum == 0.0 { [1.0, 0.0, 0.0] } else { w.map(|w| w / sum) }
+    all
 }
 
 #[cfg(test)]
@@ -271,9 +234,8 @@ mod tests {
         let mut painter = Painter::new(&model);
         painter.canvases[0].texels.fill(0);
         let triangle = model.triangles.len() / 3;
-        let corners = model.triangles[triangle].vertices.map(|v| model.rest[v as usize]);
-        let position = [0, 1, 2].map(|c| corners.iter().map(|p| p[c]).sum::<f32>() / 3.0);
-        (model, painter, Hit { triangle, position, normal: [0.0, 0.0, 1.0], depth: 1.0 })
+        let hit = Hit::new(&model, &model.rest, (triangle, [1.0 / 3.0; 3]));
+        (model, painter, hit)
     }
 
     const BRUSH: Brush = Brush { softness: 0.5, ..Brush::DEFAULT };
@@ -288,25 +250,11 @@ mod tests {
         assert_eq!(changes.len(), 1);
         let canvas = &painter.canvases[0];
         assert_eq!(changes[0].texels, canvas.copy(changes[0].rect));
-        let ids = painter.ids[0].as_ref().expect("painted");
-        let (mut full, mut painted) = (0, 0);
-        for y in 0..canvas.size[1] {
-            for x in 0..canvas.size[0] {
-                let value = canvas.texels[canvas.index([x, y])];
-                let uv = canvas.uv([x, y]);
-                if value == 0 {
-                    continue;
-                }
-                let triangle = &model.triangles[ids.at(uv).expect("only charts are painted")];
-                let w = weights(triangle.uvs.map(|uv| uv.map(|x| x as f32)), uv);
-                let corners = triangle.vertices.map(|v| model.rest[v as usize]);
-                let place = [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
-                let distance = length(minus(place, hit.position));
-                assert!(distance <= 1.001 * radius, "{x} {y}: {distance} of {radius}");
-                painted += 1;
-                full += u32::from(value == 65535);
-            }
-        }
+        let charts = painter.charts[0].as_ref().expect("painted");
+        let painted = (0..canvas.texels.len()).filter(|&k| canvas.texels[k] > 0);
+        assert!(painted.clone().all(|k| charts[k].is_some()), "only charts are painted");
+        let full = painted.clone().filter(|&k| canvas.texels[k] == 65535).count();
+        let painted = painted.count();
         assert!(painted > 100 && full > 10 && full < painted, "{full} of {painted}");
     }
 
@@ -373,8 +321,7 @@ mod tests {
         // Everything is seen half a tile's 32th to the right of where it was painted.
         let shift = 1.0 / 32.0;
         let size = [64, 64];
-        let nodes = (0..65 * 65).map(|k| [(k % 65) as f32 / 64.0 + shift, (k / 65) as f32 / 64.0]).collect();
-        let maps = Maps { size, delta: vec![[-shift, 0.0]; 64 * 64], warp: nodes };
+        let maps = Maps { size, delta: vec![[-shift, 0.0]; 64 * 64], warp: Vec::new() };
         let seen = [Solved { maps: maps.into(), report: Default::default() }];
         painter.dab(&model, &model.rest, Some(&seen), &hit, (&BRUSH, radius));
         let columns = shift * painter.canvases[0].size[0] as f32;

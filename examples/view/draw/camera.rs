@@ -185,9 +185,16 @@ impl Camera {
         (depth > self.near).then(|| [0.5 + 0.5 * x / (half * self.aspect), 0.5 - 0.5 * y / half, depth])
     }
 
-    /// The length at a depth of one height of the picture.
-    pub fn height(&self, depth: f32) -> f32 {
-        2.0 * self.tangent * depth
+    /// The ray through a place on the picture, from where the picture begins.
+    pub fn ray(&self, [x, y]: [f32; 2]) -> ([f32; 3], [f32; 3]) {
+        let [x, y] = [(2.0 * x - 1.0) * self.tangent * self.aspect, (1.0 - 2.0 * y) * self.tangent];
+        let way = plus(plus(self.forward, self.right, x), self.up, y);
+        (plus(self.eye, way, self.near), way)
+    }
+
+    /// The length of one height of the picture at a point.
+    pub fn height(&self, point: [f32; 3]) -> f32 {
+        2.0 * self.tangent * dot(minus(point, self.eye), self.forward)
     }
 
     /// Two unit vectors along a plane.

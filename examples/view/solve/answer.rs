@@ -33,7 +33,7 @@ pub struct Solved {
     pub report: TileReport,
 }
 
-/// The redirection to draw with, and the warp to paint through. Rows run from v = 0 upward.
+/// The redirection to draw with and to paint through, and the warp. Rows run from v = 0 upward.
 pub struct Maps {
     pub size: [u32; 2],
     /// The redirection minus the texel's own centre.

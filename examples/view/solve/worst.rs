@@ -48,10 +48,11 @@ fn ring(
             return None;
         }
         let [a, b, c] = vertices.map(|v| positions[v as usize]);
-        let position = [0, 1, 2].map(|k| (weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]) / sum);
+        let weights = weights.map(|weight| weight / sum);
+        let position = vrtm_paint::mixed([a, b, c], weights);
         let normal = cross(minus(b, a), minus(c, a));
         let radius = WIDE * (area * length(normal) / sum.abs() / std::f32::consts::PI).sqrt();
-        Some((Hit { triangle, position, normal: unit(normal), depth: 0.0 }, radius))
+        Some((Hit { triangle, weights, position, normal: unit(normal) }, radius))
     })
 }
 
