@@ -47,16 +47,21 @@ pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
 
 /// An image as a GPU's texture takes it: its first row is at v = 0.
 pub fn prepared(image: DynamicImage) -> RgbaImage {
-    let mut image = image.into_rgba8();
-    let larger = image.width().max(image.height());
-    if larger > LARGEST {
-        let size = [image.width(), image.height()].map(|side| (side * LARGEST / larger).max(1));
-        image = imageops::resize(&image, size[0], size[1], FilterType::Triangle);
-    }
+    let mut image = at_most(LARGEST, image.into_rgba8());
     // A single texel would stand for none.
     if image.width() == 1 {
         image = imageops::resize(&image, 2, image.height(), FilterType::Nearest);
     }
     imageops::flip_vertical_in_place(&mut image);
     image
+}
+
+/// An image with no more texels on a side.
+pub fn at_most(most: u32, image: RgbaImage) -> RgbaImage {
+    let larger = image.width().max(image.height());
+    if larger <= most {
+        return image;
+    }
+    let [width, height] = [image.width(), image.height()].map(|side| (side * most / larger).max(1));
+    imageops::resize(&image, width, height, FilterType::Triangle)
 }

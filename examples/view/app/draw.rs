@@ -63,7 +63,7 @@ impl App {
             ui.centered_and_justified(|ui| ui.label(text));
             return false;
         };
-        let (area, _, mouse) = viewport::mouse(ui, &mut self.look, &mut open.orbit);
+        let (area, mouse) = viewport::mouse(ui, &mut self.look, &mut open.orbit);
         self.trace.widget("view", area, scale);
         let pane = self.look.pane(area, 0);
         let aspect = pane.width() / pane.height();

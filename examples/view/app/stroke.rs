@@ -62,9 +62,7 @@ impl App {
         self.stroke.under = None;
         if !mouse.paints {
             self.stroke.last = None;
-            if open.painter.is_painting() {
-                open.painter.end();
-            }
+            open.painter.end();
         }
         let Some((pane, at)) = mouse.over.filter(|_| self.look.brush) else { return mouse.paints };
         let Some(answer) = &self.shown else { return false };
@@ -116,18 +114,7 @@ impl App {
             }
             return true;
         }
-        if !open.painter.is_painting() {
-            open.painter.begin();
-        }
-        let mut changes: Vec<Change> = Vec::new();
-        for (hit, radius) in hits {
-            for change in open.painter.dab(model, positions, seen, &hit, (&brush, radius)) {
-                match changes.iter_mut().find(|known| known.page == change.page) {
-                    Some(known) => known.rect = known.rect.with(change.rect),
-                    None => changes.push(change),
-                }
-            }
-        }
+        let changes = open.painter.dab(model, positions, seen, &hits, &brush);
         self.send(changes);
         true
     }

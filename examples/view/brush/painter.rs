@@ -29,7 +29,7 @@ pub struct Painter {
     charts: Vec<Option<Vec<Option<u32>>>>,
     /// The chart of each triangle.
     islands: Vec<u32>,
-    stroke: Option<Vec<Touched>>,
+    stroke: Vec<Touched>,
     pub steps: Steps,
 }
 
@@ -45,35 +45,28 @@ impl Painter {
         Painter { charts, islands: islands(&model.triangles), ..self }
     }
 
-    /// Begins a stroke.
-    pub fn begin(&mut self) {
-        self.stroke = Some(Vec::new());
-    }
-
-    pub fn is_painting(&self) -> bool {
-        self.stroke.is_some()
-    }
-
-    /// Paints around a point of the surface; `radius` in space. `seen` holds the results through which the texture is
+    /// Goes on with a stroke: paints around points of the surface, with radii in space. `seen` holds the results through which the texture is
     /// seen, or nothing for the original UVs.
     pub fn dab(
         &mut self,
         model: &Model,
         positions: &[[f32; 3]],
         seen: Option<&[Solved]>,
-        hit: &Hit,
-        (brush, radius): (&Brush, f32),
+        hits: &[(Hit, f32)],
+        brush: &Brush,
     ) -> Vec<Change> {
         let mut dirty: Vec<(usize, Rect)> = Vec::new();
-        for triangle in model.surface.disc(positions, hit.triangle, (hit.position, radius)) {
-            let tile = model.tile_of(triangle);
-            let maps = seen.map(|seen| &*seen[tile].maps);
-            let ball = (hit.position, radius);
-            if let Some(rect) = self.fill(model, positions, maps, (triangle, tile), ball, brush) {
-                let page = model.tiles[tile].page;
-                match dirty.iter_mut().find(|(of, _)| *of == page) {
-                    Some((_, all)) => *all = all.with(rect),
-                    None => dirty.push((page, rect)),
+        for (hit, radius) in hits {
+            let ball = (hit.position, *radius);
+            for triangle in model.surface.disc(positions, hit.triangle, ball) {
+                let tile = model.tile_of(triangle);
+                let maps = seen.map(|seen| &*seen[tile].maps);
+                if let Some(rect) = self.fill(model, positions, maps, (triangle, tile), ball, brush) {
+                    let page = model.tiles[tile].page;
+                    match dirty.iter_mut().find(|(of, _)| *of == page) {
+                        Some((_, all)) => *all = all.with(rect),
+                        None => dirty.push((page, rect)),
+                    }
                 }
             }
         }
@@ -94,7 +87,7 @@ impl Painter {
         let page = model.tiles[tile].page;
         let canvas = &mut self.canvases[page];
         let charts = self.charts[tile].get_or_insert_with(|| charts(model, &self.islands, tile, canvas.size));
-        let stroke = self.stroke.get_or_insert_default();
+        let stroke = &mut self.stroke;
         let touched = match stroke.iter().position(|touched| touched.page == page) {
             Some(k) => &mut stroke[k],
             None => {
@@ -189,7 +182,7 @@ impl Painter {
 
     /// Ends a stroke, which can be undone from now on.
     pub fn end(&mut self) {
-        let touched = self.stroke.take().unwrap_or_default();
+        let touched = std::mem::take(&mut self.stroke);
         let before = |touched: Touched| {
             let Touched { page, before, rect, .. } = touched;
             let canvas = Canvas { texels: before, ..self.canvases[page].clone() };
@@ -244,8 +237,7 @@ mod tests {
     fn a_dab_paints_a_disc_on_the_surface_and_nothing_else() {
         let (model, mut painter, hit) = scene();
         let radius = 0.2 * model.radius;
-        painter.begin();
-        let changes = painter.dab(&model, &model.rest, None, &hit, (&BRUSH, radius));
+        let changes = painter.dab(&model, &model.rest, None, &[(hit, radius)], &BRUSH);
         painter.end();
         assert_eq!(changes.len(), 1);
         let canvas = &painter.canvases[0];
@@ -263,13 +255,12 @@ mod tests {
         let (model, mut painter, hit) = scene();
         let brush = Brush { value: 0.5, ..BRUSH };
         let before = painter.canvases.clone();
-        painter.begin();
         let radius = 0.2 * model.radius;
-        painter.dab(&model, &model.rest, None, &hit, (&brush, radius));
+        painter.dab(&model, &model.rest, None, &[(hit, radius)], &brush);
         let once = painter.canvases.clone();
-        let again = painter.dab(&model, &model.rest, None, &hit, (&brush, radius));
+        let again = painter.dab(&model, &model.rest, None, &[(hit, radius)], &brush);
         assert!(again.is_empty() && painter.canvases == once, "soft edges must not harden");
-        let wide = painter.dab(&model, &model.rest, None, &hit, (&brush, 1.5 * radius));
+        let wide = painter.dab(&model, &model.rest, None, &[(hit, 1.5 * radius)], &brush);
         assert!(!wide.is_empty());
         painter.end();
         assert!(painter.steps.can_undo());
@@ -302,28 +293,18 @@ mod tests {
     }
 
     #[test]
-    fn erasing_takes_away() {
-        let (model, mut painter, hit) = scene();
-        painter.canvases[0].texels.fill(65535);
-        painter.begin();
-        let brush = Brush { erase: true, ..BRUSH };
-        painter.dab(&model, &model.rest, None, &hit, (&brush, 0.2 * model.radius));
-        assert!(painter.canvases[0].texels.contains(&0) && painter.canvases[0].texels.contains(&65535));
-    }
-
-    #[test]
     fn a_texture_that_is_seen_elsewhere_is_painted_where_it_is_seen() {
         let (model, mut painter, hit) = scene();
         let radius = 0.1 * model.radius;
         let mut plain = Painter::new(&model);
         plain.canvases = painter.canvases.clone();
-        plain.dab(&model, &model.rest, None, &hit, (&BRUSH, radius));
+        plain.dab(&model, &model.rest, None, &[(hit, radius)], &BRUSH);
         // Everything is seen half a tile's 32th to the right of where it was painted.
         let shift = 1.0 / 32.0;
         let size = [64, 64];
         let maps = Maps { size, delta: vec![[-shift, 0.0]; 64 * 64], warp: Vec::new() };
         let seen = [Solved { maps: maps.into(), report: Default::default() }];
-        painter.dab(&model, &model.rest, Some(&seen), &hit, (&BRUSH, radius));
+        painter.dab(&model, &model.rest, Some(&seen), &[(hit, radius)], &BRUSH);
         let columns = shift * painter.canvases[0].size[0] as f32;
         let centre = |canvas: &Canvas| {
             let weight = |k: usize| f64::from(canvas.texels[k]);

@@ -1,12 +1,12 @@
 //! What textures show beside charts where seams continue: the copies that are drawn with have there what the surface
 //! shows beyond the seam, as `vrtm dilate` writes it.
 
-use image::{RgbaImage, imageops};
+use image::RgbaImage;
 use vrtm::{Asset, Backend, Device, DeviceSettings, ImageViewMut, Origin, Results, TileSettings};
 
 use crate::brush::canvas::{Canvas, Rect};
 use crate::model::{Model, mesh_source};
-use crate::pictures::Textures;
+use crate::pictures::{self, Textures};
 
 /// Reach over the borders of charts, at least: as far as `vrtm dilate` goes.
 const REACH: f64 = 0.0625;
@@ -193,8 +193,7 @@ impl Beyond {
             let k = upside_down(texel.index, filled.size);
             if filled.texels[k] != value.round() as u16 {
                 filled.texels[k] = value.round() as u16;
-                let width = filled.size[0] as usize;
-                changed = Some(Rect::around(changed, [(k % width) as u32, (k / width) as u32]));
+                changed = Some(Rect::around(changed, filled.place(k)));
             }
         }
         changed
@@ -208,18 +207,9 @@ impl Beyond {
         if textures.iter().all(Option::is_none) {
             return Ok(textures.clone());
         }
-        let smaller = |image: &RgbaImage| {
-            let larger = image.width().max(image.height());
-            let size =
-                [image.width(), image.height()].map(|side| (side * LARGEST.min(larger) / larger).max(1));
-            imageops::resize(image, size[0], size[1], imageops::FilterType::Triangle)
-        };
-        let fits = |image: &RgbaImage| image.width().max(image.height()) <= LARGEST;
         let read: Vec<Option<RgbaImage>> = textures
             .iter()
-            .map(|image| {
-                image.as_ref().map(|image| if fits(image) { (**image).clone() } else { smaller(image) })
-            })
+            .map(|image| Some(pictures::at_most(LARGEST, (**image.as_ref()?).clone())))
             .collect();
         let sizes: Vec<_> =
             read.iter().map(|image| image.as_ref().map(|i| [i.width(), i.height()])).collect();

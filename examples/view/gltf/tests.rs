@@ -68,11 +68,10 @@ fn a_skin_and_a_morph_target_move_the_mesh() {
     for triangle in &model.triangles {
         for (vertex, [u, v]) in triangle.vertices.into_iter().zip(triangle.uvs) {
             let [x, y, _] = flat[vertex as usize];
-            let u_of_x =
-                if triangle.uvs.iter().any(|uv| uv[0] < 0.4) { 0.4 + 0.4 * x } else { 0.6 + 0.4 * x };
+            let start = if triangle.uvs.iter().any(|uv| uv[0] < 0.4) { 0.4 } else { 0.6 };
             assert!(
-                (u as f32 - u_of_x).abs() < 1e-6 && (v as f32 - 0.5 * y).abs() < 1e-6,
-                "{u} {v} at {x} {y}"
+                (u as f32 - start - 0.4 * x).abs() < 1e-6 && (v as f32 - 0.5 * y).abs() < 1e-6,
+                "{u} {v}"
             );
         }
     }
@@ -267,12 +266,11 @@ fn meshes_are_opened_together_or_alone() {
     assert_eq!(moved, 6, "the ends of both");
 }
 
-fn png(pixels: &[[u8; 3]], width: u32) -> Vec<u8> {
-    let image =
-        image::RgbImage::from_vec(width, pixels.len() as u32 / width, pixels.concat()).expect("an image");
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut bytes, image::ImageFormat::Png).expect("encoded");
-    bytes.into_inner()
+/// An image of opaque pixels, unless they have alpha.
+fn png<const N: usize>(pixels: &[[u8; N]], width: u32) -> Vec<u8> {
+    let kind = if N == 4 { image::ExtendedColorType::Rgba8 } else { image::ExtendedColorType::Rgb8 };
+    let size = [width, pixels.len() as u32 / width];
+    crate::save::encode(size, kind, pixels.as_flattened()).expect("encoded")
 }
 
 #[test]
@@ -296,10 +294,7 @@ fn textures_come_with_the_file() {
     // A texture that is missing is named, and the mesh opens without it.
     let model = open("textures", &tiny.glb(), &slow()).expect("a model");
     let notice = model.notice.expect("a notice");
-    assert!(
-        notice.contains("tiny.glb: image 1: ") && notice.contains("a bump.png: No such file"),
-        "{notice}"
-    );
+    assert!(notice.contains(".glb: image 1: ") && notice.contains("bump.png: No such file"), "{notice}");
     assert!(model.pictures.colours[0].is_some() && model.pictures.normals[0].is_none());
 }
 
@@ -317,19 +312,13 @@ fn buffers_are_beside_the_file_or_in_it() {
     let bytes = tiny.gltf("tiny.bin");
     assert_eq!(open("beside", &bytes, &slow()).expect("a model").inputs.len(), 2);
     let failed = open("beside", &bytes, &slow()).err().expect("the buffer is gone").0;
-    assert!(
-        failed.contains("tiny.gltf: buffer 0: ") && failed.contains("tiny.bin: No such file"),
-        "{failed}"
-    );
+    assert!(failed.contains(".gltf: buffer 0: ") && failed.contains("tiny.bin: No such file"), "{failed}");
 }
 
 #[test]
 fn opacity_is_that_of_the_material() {
     let mut tiny = Tiny::strip();
-    let image = image::RgbaImage::from_fn(2, 2, |x, _| image::Rgba([255, 0, 0, [100, 150][x as usize]]));
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut bytes, image::ImageFormat::Png).expect("encoded");
-    tiny.texture(&bytes.into_inner());
+    tiny.texture(&png(&[[255, 0, 0, 100], [255, 0, 0, 150]], 2));
     for (mode, expected) in [("OPAQUE", [255, 255]), ("MASK", [0, 255]), ("BLEND", [100, 150])] {
         tiny.json["materials"][0]["alphaMode"] = json!(mode);
         let model = open("opacity", &tiny.glb(), &slow()).expect("a model");
@@ -346,19 +335,12 @@ fn damaged_files_are_named() {
         (at("/asset/version", json!("1.0")), "glTF 1.0: only version 2 is read"),
         (at("/extensionsRequired", json!(["KHR_draco_mesh_compression"])), "KHR_draco_mesh_compression"),
         (at("/meshes/0/primitives/0/attributes/TEXCOORD_0", json!(null)), "is no glTF"),
-        (
-            at("/meshes/0/primitives/0/attributes", json!({ "POSITION": 0 })),
-            "no triangles with UVs (TEXCOORD_0)",
-        ),
+        (at("/meshes/0/primitives/0/attributes", json!({ "POSITION": 0 })), "no triangles with UVs"),
         (at("/meshes/0/primitives/0/mode", json!(1)), "no triangles with UVs"),
         (at("/meshes", json!([])), "mesh 0 is missing"),
-        (at("/nodes/3/mesh", json!(null)), "no triangles with UVs"),
         (at("/meshes/0/primitives/0/attributes/POSITION", json!(99)), "accessor 99: is missing"),
         (at("/meshes/0/primitives/0/indices", json!(0)), "accessor 0: is Vec3 in place of Scalar"),
-        (
-            at("/accessors/0/count", json!(1e15 as u64)),
-            "accessor 0: its 1000000000000000 elements end behind",
-        ),
+        (at("/accessors/0/count", json!(1e15 as u64)), "its 1000000000000000 elements end"),
         (at("/accessors/0/count", json!(6)), "48 joints and 48 weights for 6 vertices"),
         (at("/accessors/0/componentType", json!(1)), "accessor 0: has an unknown type"),
         (at("/accessors/0/bufferView", json!(77)), "accessor 0: buffer view 77 is missing"),

@@ -1,8 +1,7 @@
 //! The view of the mesh: one pane or two, with the mouse that orbits and paints.
 
 use eframe::egui::{
-    self, Align2, Color32, CursorIcon, FontId, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui, pos2,
-    vec2,
+    self, Align2, Color32, CursorIcon, FontId, PointerButton, Pos2, Rect, Sense, Stroke, Ui, pos2, vec2,
 };
 
 use super::style;
@@ -116,7 +115,7 @@ impl Look {
         let wide = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
         let lines = if self.grid { cells as f32 / EVERY } else { 0.0 };
         let view = |&redirected: &bool| View {
-            clip: camera.clip(),
+            clip: camera.clip.to_cols_array_2d(),
             eye: wide(camera.eye),
             right: wide(camera.right),
             up: wide(camera.up),
@@ -135,8 +134,6 @@ impl Look {
 /// Action of the mouse in the view.
 #[derive(Default)]
 pub struct Mouse {
-    /// Kind of motion: orbit, pan or approach.
-    pub moves: bool,
     /// The pane under it, and where in the pane in units of its width and height.
     pub over: Option<(usize, [f32; 2])>,
     /// True if it paints.
@@ -144,7 +141,7 @@ pub struct Mouse {
 }
 
 /// Reserves the place, and reads the mouse.
-pub fn mouse(ui: &mut Ui, look: &mut Look, orbit: &mut Orbit) -> (Rect, Response, Mouse) {
+pub fn mouse(ui: &mut Ui, look: &mut Look, orbit: &mut Orbit) -> (Rect, Mouse) {
     let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let pane = look.pane(area, 0);
     let camera = orbit.camera(pane.width() / area.height());
@@ -160,23 +157,20 @@ pub fn mouse(ui: &mut Ui, look: &mut Look, orbit: &mut Orbit) -> (Rect, Response
         }
     }
     let mut mouse = Mouse::default();
-    let (alt, shift) = ui.input(|i| (i.modifiers.alt, i.modifiers.shift));
+    let shift = ui.input(|i| i.modifiers.shift);
     let held = |button| response.dragged_by(button);
     let way = response.drag_delta();
-    let free = !look.brush || alt;
+    let free = !look.brush;
     if held(PointerButton::Middle) || (shift && free && held(PointerButton::Primary)) {
         orbit.pan(&camera, [way.x / area.height(), way.y / area.height()]);
-        mouse.moves = true;
     } else if held(PointerButton::Secondary) || (free && held(PointerButton::Primary)) {
         orbit.turn([way.x, way.y]);
-        mouse.moves = true;
     }
     if response.hovered() {
         let (wheel, pinch) = ui.input(|i| (i.smooth_scroll_delta.y, i.zoom_delta()));
         let factor = (0.0016 * wheel).exp() * pinch;
         if factor != 1.0 {
             orbit.dolly(factor);
-            mouse.moves = true;
         }
     }
     let pointer =
@@ -185,13 +179,12 @@ pub fn mouse(ui: &mut Ui, look: &mut Look, orbit: &mut Orbit) -> (Rect, Response
     // The button may go down, move and up again between two passes over the window.
     let held =
         response.is_pointer_button_down_on() && ui.input(|i| i.pointer.button_down(PointerButton::Primary));
-    mouse.paints = look.brush
-        && !alt
-        && (held || response.clicked() || response.drag_stopped_by(PointerButton::Primary));
+    mouse.paints =
+        look.brush && (held || response.clicked() || response.drag_stopped_by(PointerButton::Primary));
     if look.brush && mouse.over.is_some() {
         ui.set_cursor_icon(CursorIcon::Crosshair);
     }
-    (area, response, mouse)
+    (area, mouse)
 }
 
 /// Draws what lies over the picture: names of panes, the legend, the brush.
