@@ -9,7 +9,6 @@ use vrtm_examples::options::{DEVICES, one_of};
 use crate::gltf::Choice;
 use crate::panel::viewport::Panes;
 use crate::source::Files;
-use crate::timeline::RATE;
 
 /// Shows how painted features keep their shape while a mesh deforms: orbit, scrub, paint what is rigid.
 ///
@@ -21,17 +20,8 @@ pub struct Args {
     #[command(flatten)]
     pub files: Files,
 
-    /// Mesh of a glTF file, by its name [default: all]
-    #[arg(long, value_name = "NAME", requires = "rest")]
-    pub mesh: Option<String>,
-
-    /// Animation of a glTF file, by its name [default: the longest]
-    #[arg(long, value_name = "NAME", requires = "rest")]
-    pub animation: Option<String>,
-
-    /// Frames per second of the timeline, and of the poses from a glTF file's animation
-    #[arg(long, value_name = "N", default_value_t = RATE, value_parser = clap::value_parser!(u16).range(1..=240))]
-    pub fps: u16,
+    #[command(flatten)]
+    pub choice: Choice,
 
     /// Colour textures to draw with in place of a material made from the rigidity maps: image files, as a path in which
     /// <UDIM> stands for the tile's number; tiles without a file keep that material
@@ -71,13 +61,6 @@ const VIEWS: [(&str, Panes); 4] = [
     ("side-by-side", Panes::SideBySide),
     ("wipe", Panes::Wipe),
 ];
-
-impl Args {
-    /// The part of a glTF file to open.
-    pub fn choice(&self) -> Choice {
-        Choice { mesh: self.mesh.clone(), animation: self.animation.clone(), rate: self.fps }
-    }
-}
 
 fn size(text: &str) -> Result<[f32; 2], String> {
     let side = |t: &str| t.trim().parse::<u16>().ok().filter(|&n| n >= 200).map(f32::from);

@@ -127,10 +127,10 @@ impl App {
             path: String::new(),
             folder: std::env::current_dir().map_or(".".into(), |folder| folder.display().to_string()),
             device: String::new(),
-            rate: args.fps,
+            rate: args.choice.rate,
             notice: None,
         };
-        app.open_part(&args.files, &args.choice());
+        app.open_part(&args.files, &args.choice);
         for (ask, pattern) in [(Ask::Texture, &args.texture), (Ask::Normal, &args.normal)] {
             if let (Some(_), Some(pattern)) = (&app.open, pattern) {
                 app.open_picture(ask, pattern);

@@ -8,14 +8,15 @@ use serde_json::json;
 
 use super::{App, Notice};
 use crate::draw::picture::Picture;
-use crate::panel::save::{self, Job, Pressed};
-use crate::save::file::Existing;
+use crate::panel::save::{self, Pressed};
 use crate::save::{encode, file, rigidity};
 
 /// Requests that wait for an answer.
 pub struct Question {
-    job: Job,
-    files: Vec<Existing>,
+    pressed: Pressed,
+    paths: Vec<PathBuf>,
+    /// Those that would be replaced.
+    files: Vec<String>,
 }
 
 impl App {
@@ -24,20 +25,20 @@ impl App {
         let Some(open) = &self.open else { return };
         let folder = Path::new(self.folder.trim());
         let name = open.model.name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_");
-        let job = match pressed {
+        let paths = match pressed {
             Pressed::Rigidity => {
-                Job::Rigidity(rigidity::paths(folder, &name, open.model.pages.iter().map(|page| page.udim)))
+                rigidity::paths(folder, &name, open.model.pages.iter().map(|page| page.udim))
             }
             Pressed::Picture => {
-                Job::Picture(folder.join(format!("{name}_{:04}.png", open.line.number(open.line.frame))))
+                vec![folder.join(format!("{name}_{:04}.png", open.line.number(open.line.frame)))]
             }
         };
         // If such files are there already, the user decides.
-        let files = file::existing(job.paths(), &open.inputs);
+        let files = file::existing(&paths, &open.inputs);
         if files.is_empty() {
-            self.save(job);
+            self.save(pressed, &paths);
         } else {
-            self.question = Some(Question { job, files });
+            self.question = Some(Question { pressed, paths, files });
         }
     }
 
@@ -60,21 +61,19 @@ impl App {
             && let Some(question) = self.question.take()
             && yes
         {
-            self.save(question.job);
+            self.save(question.pressed, &question.paths);
         }
     }
 
-    fn save(&mut self, job: Job) {
+    fn save(&mut self, pressed: Pressed, paths: &[PathBuf]) {
         self.notice = None;
-        let saved = match &job {
-            Job::Rigidity(paths) => match &mut self.open {
-                Some(open) => rigidity::save(paths, &open.painter.canvases),
-                None => Ok(()),
-            },
-            Job::Picture(path) => self.picture(path),
+        let saved = match (pressed, &self.open) {
+            (Pressed::Rigidity, Some(open)) => rigidity::save(paths, &open.painter.canvases),
+            (Pressed::Picture, _) => paths.iter().try_for_each(|path| self.picture(path)),
+            _ => Ok(()),
         };
         match saved {
-            Ok(()) => self.tell_saved(job.paths()),
+            Ok(()) => self.tell_saved(paths),
             Err(message) => self.say(message),
         }
     }

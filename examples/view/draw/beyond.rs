@@ -28,12 +28,8 @@ pub struct Beyond {
     tiles: Vec<Option<usize>>,
     udims: Vec<u32>,
     reach: f64,
-    of_maps: Gutters,
-}
-
-/// The gutters of images, one per page.
-struct Gutters {
-    pages: Vec<Option<Gutter>>,
+    /// The gutters of the maps.
+    of_maps: Vec<Option<Gutter>>,
 }
 
 /// The texels beside the charts of an image that show what lies beyond a seam. Rows run from v = 0 upward.
@@ -62,8 +58,8 @@ impl Beyond {
         let asset = Asset::new(&device, &mesh_source(&model.mesh, &model.rest, model.layers))?;
         let udims: Vec<u32> = model.pages.iter().map(|page| page.udim).collect();
         let tiles = udims.iter().map(|&udim| asset.find_tile(udim)).collect();
-        let of_maps = Gutters { pages: Vec::new() };
-        let mut beyond = Beyond { results: asset.results().clone(), tiles, udims, reach, of_maps };
+        let results = asset.results().clone();
+        let mut beyond = Beyond { results, tiles, udims, reach, of_maps: Vec::new() };
         let sizes: Vec<_> = canvases.iter().map(|canvas| Some(canvas.size)).collect();
         beyond.of_maps = beyond.gutters(&sizes)?;
         Ok(beyond)
@@ -83,13 +79,13 @@ impl Beyond {
         Ok(Some(texels))
     }
 
-    fn gutters(&self, sizes: &[Option<[u32; 2]>]) -> vrtm::Result<Gutters> {
+    /// The gutters of images, one per page.
+    fn gutters(&self, sizes: &[Option<[u32; 2]>]) -> vrtm::Result<Vec<Option<Gutter>>> {
         let gutter = |(page, size): (usize, &Option<[u32; 2]>)| {
             let Some(size) = *size else { return Ok(None) };
             Ok(self.places(page, size)?.map(|places| self.gutter(page, size, &places)))
         };
-        let pages = sizes.iter().enumerate().map(gutter).collect::<vrtm::Result<_>>()?;
-        Ok(Gutters { pages })
+        sizes.iter().enumerate().map(gutter).collect()
     }
 
     fn gutter(&self, page: usize, size: [u32; 2], places: &[[f32; 4]]) -> Gutter {
@@ -184,10 +180,10 @@ impl Beyond {
         canvases: &[Canvas],
         which: impl Fn(&Texel) -> bool,
     ) -> Option<Rect> {
-        let gutter = self.of_maps.pages[page].as_ref()?;
+        let gutter = self.of_maps[page].as_ref()?;
         let mut changed = None;
         for texel in gutter.texels.iter().filter(|texel| which(texel)) {
-            let Some(from) = &self.of_maps.pages[texel.page] else { continue };
+            let Some(from) = &self.of_maps[texel.page] else { continue };
             let source = &canvases[texel.page];
             let value = from.mean(texel.uv, |k| [f32::from(source.texels[upside_down(k, source.size)])])[0];
             let k = upside_down(texel.index, filled.size);
@@ -217,7 +213,7 @@ impl Beyond {
         let filled = |(image, gutter): (&Option<RgbaImage>, &Option<Gutter>)| {
             let mut image = image.clone()?;
             for texel in gutter.iter().flat_map(|gutter| &gutter.texels) {
-                let (Some(from), Some(source)) = (&gutters.pages[texel.page], &read[texel.page]) else {
+                let (Some(from), Some(source)) = (&gutters[texel.page], &read[texel.page]) else {
                     continue;
                 };
                 let bytes: &[u8] = source;
@@ -231,7 +227,7 @@ impl Beyond {
             }
             Some(image.into())
         };
-        Ok(read.iter().zip(&gutters.pages).map(filled).collect())
+        Ok(read.iter().zip(&gutters).map(filled).collect())
     }
 }
 

@@ -25,13 +25,18 @@ use pictures::OfTiles;
 use rig::Rig;
 
 /// The part of a file to open.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct Choice {
-    /// Name of a mesh; `None` = all.
+    /// Mesh of a glTF file, by its name [default: all]
+    #[arg(long, value_name = "NAME", requires = "rest")]
     pub mesh: Option<String>,
-    /// Name of an animation; `None` = the longest.
+
+    /// Animation of a glTF file, by its name [default: the longest]
+    #[arg(long, value_name = "NAME", requires = "rest")]
     pub animation: Option<String>,
-    /// Frames per second.
+
+    /// Frames per second of the timeline, and of the poses from a glTF file's animation
+    #[arg(long = "fps", value_name = "N", default_value_t = RATE, value_parser = clap::value_parser!(u16).range(1..=240))]
     pub rate: u16,
 }
 

@@ -1,29 +1,10 @@
 //! Where to save, and what.
 
-use std::path::PathBuf;
-
 use eframe::egui::{self, Rect, RichText, Ui};
 
 use super::bar::Wish;
 use super::style;
 use crate::app::dialogs::Ask;
-use crate::save::file::Existing;
-
-/// Content of a file to save.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Job {
-    Rigidity(Vec<PathBuf>),
-    Picture(PathBuf),
-}
-
-impl Job {
-    pub fn paths(&self) -> &[PathBuf] {
-        match self {
-            Job::Rigidity(paths) => paths,
-            Job::Picture(path) => std::slice::from_ref(path),
-        }
-    }
-}
 
 /// The pressed button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,7 +39,7 @@ pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect))
 }
 
 /// Asks whether files may be replaced; `None` until it is answered.
-pub fn replace(ui: &Ui, files: &[Existing], mut noted: impl FnMut(&str, Rect)) -> Option<bool> {
+pub fn replace(ui: &Ui, files: &[String], mut noted: impl FnMut(&str, Rect)) -> Option<bool> {
     let mut answer = None;
     egui::Modal::new(egui::Id::unique("replace")).show(ui.ctx(), |ui| {
         ui.set_max_width(460.0);
@@ -66,7 +47,7 @@ pub fn replace(ui: &Ui, files: &[Existing], mut noted: impl FnMut(&str, Rect)) -
         ui.heading(if files.len() == 1 { "Replace this file?" } else { "Replace these files?" });
         ui.add_space(6.0);
         for file in files {
-            ui.label(file.to_string());
+            ui.label(file);
         }
         ui.add_space(10.0);
         ui.horizontal(|ui| {

@@ -2,27 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-/// A file that would be replaced.
-pub struct Existing {
-    pub path: PathBuf,
-    /// True if it was opened as an input.
-    pub read: bool,
-}
-
-impl std::fmt::Display for Existing {
-    fn fmt(&self, out: &mut std::fmt::Formatter) -> std::fmt::Result {
-        write!(out, "{}{}", self.path.display(), if self.read { " (this was opened)" } else { "" })
-    }
-}
-
-/// Of some files, those that exist.
-pub fn existing(paths: &[PathBuf], inputs: &[PathBuf]) -> Vec<Existing> {
+/// Of some files, those that exist, as they are told to the user.
+pub fn existing(paths: &[PathBuf], inputs: &[PathBuf]) -> Vec<String> {
     let real = |path: &Path| path.canonicalize().ok();
     let inputs: Vec<_> = inputs.iter().filter_map(|input| real(input)).collect();
     let there = paths.iter().filter(|path| path.symlink_metadata().is_ok());
-    let one = |path: &PathBuf| Existing {
-        path: path.clone(),
-        read: real(path).is_some_and(|path| inputs.contains(&path)),
+    let one = |path: &PathBuf| {
+        let is_input = real(path).is_some_and(|path| inputs.contains(&path));
+        format!("{}{}", path.display(), if is_input { " (this was opened)" } else { "" })
     };
     there.map(one).collect()
 }
@@ -38,7 +25,6 @@ mod tests {
         let path = folder.join("a.txt");
         std::fs::write(&path, "old").expect("written");
         let said = existing(&[path.clone(), folder.join("b.txt")], &[folder.join(".").join("a.txt")]);
-        let said: Vec<String> = said.iter().map(ToString::to_string).collect();
         assert!(said.len() == 1 && said[0].ends_with("a.txt (this was opened)"), "{said:?}");
         std::fs::remove_dir_all(&folder).expect("removed");
     }

@@ -45,6 +45,19 @@ fn choose(view: &Program, menu: &str, what: &str) {
     view.click(what);
 }
 
+/// The final picture of the view, with its place.
+fn settled(server: &Server, view: &mut Program) -> (Shot, [u32; 4]) {
+    view.wait("drawn", |event| event["purpose"] == "final");
+    let area = view.widget("view");
+    (server.shot().cut(area), area)
+}
+
+/// Pixels in the middle of the left and of the right part of a sheet.
+fn sides(shot: &Shot) -> [[u8; 3]; 2] {
+    let middle = shot.size[1] / 2;
+    [3, 5].map(|k| shot.pixels[(middle * shot.size[0] + k * shot.size[0] / 8) as usize])
+}
+
 fn rms(event: &Value) -> [f64; 2] {
     [0, 1].map(|k| event["strain"]["rms"][k].as_f64().expect("strain was measured"))
 }
@@ -58,9 +71,7 @@ fn the_timeline_the_panes_and_the_quality() {
     let Some((server, folder)) = start("timeline") else { return };
     let options = ["--scene", "mug_to_jug", "--size", SIZE, "--frame", "1", "--view", "redirected"];
     let mut view = Program::start(&server, &folder, &options);
-    view.wait("drawn", |event| is_final(event, 1));
-    let area = view.widget("view");
-    let at_rest = server.shot().cut(area);
+    let (at_rest, area) = settled(&server, &mut view);
 
     // Dragging shows frames on the way, and ends with the chosen quality.
     let [left, top, right, bottom] = view.widget("timeline");
@@ -98,8 +109,7 @@ fn the_timeline_the_panes_and_the_quality() {
     // Beginning at a frame shows what dragging to it shows; and each half shows what its pane alone does.
     let options = ["--scene", "mug_to_jug", "--size", SIZE, "--frame", "121", "--view", "original"];
     let mut view = Program::start(&server, &folder, &options);
-    view.wait("drawn", |event| is_final(event, 121));
-    let original = server.shot().cut(area);
+    let (original, _) = settled(&server, &mut view);
     view.click("redirected");
     view.wait("drawn", |event| event["panes"] == serde_json::json!([true]));
     let redirected = server.shot().cut(area);
@@ -153,9 +163,7 @@ fn seams_that_continue() {
     let options = ["--scene", "mug_to_jug", "--size", SIZE, "--frame", "121", "--view", "redirected"];
     let mut view = Program::start(&server, &folder, &options);
     let solved = view.wait("solve", |event| is_final(event, 121));
-    view.wait("drawn", |event| is_final(event, 121));
-    let area = view.widget("view");
-    let shut = server.shot().cut(area);
+    let (shut, area) = settled(&server, &mut view);
     view.click("Seams");
     view.click("Seams Continue");
     let continued = view.wait("solve", |event| is_final(event, 121) && event["edit"] != solved["edit"]);
@@ -207,11 +215,8 @@ fn a_texture_is_drawn_in_place_of_the_material() {
     let options =
         ["--rest", &rest, "--pose", &wide, "--texture", &pattern, "--view", "original", "--size", SIZE];
     let mut view = Program::start(&server, &folder, &options);
-    view.wait("drawn", |event| event["purpose"] == "final");
-    let shot = server.shot().cut(view.widget("view"));
+    let [left, right] = sides(&settled(&server, &mut view).0);
     view.quit();
-    let middle = shot.size[1] / 2;
-    let [left, right] = [3, 5].map(|k| shot.pixels[(middle * shot.size[0] + k * shot.size[0] / 8) as usize]);
     assert!(left[0] > 100 && left[2] < 60 && right[2] > 100 && right[0] < 60, "{left:?} {right:?}");
     // A path that leads nowhere is named.
     let pattern = folder.join("no.<UDIM>.png").display().to_string();
@@ -240,12 +245,8 @@ fn a_normal_map_is_lit() {
     let options = ["--rest", &rest, "--pose", &wide, "--texture", &grey, "--normal", &normal, "--size", SIZE];
     for pane in ["original", "redirected"] {
         let mut view = Program::start(&server, &folder, &[&options[..], &["--view", pane]].concat());
-        view.wait("drawn", |event| event["purpose"] == "final");
-        let shot = server.shot().cut(view.widget("view"));
+        let [left, right] = sides(&settled(&server, &mut view).0);
         view.quit();
-        let middle = shot.size[1] / 2;
-        let [left, right] =
-            [3, 5].map(|k| shot.pixels[(middle * shot.size[0] + k * shot.size[0] / 8) as usize]);
         // The shader's light on these directions gives 113 and 94.
         assert!((110..117).contains(&left[1]) && (88..98).contains(&right[1]), "{pane}: {left:?} {right:?}");
     }

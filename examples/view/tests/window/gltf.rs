@@ -3,7 +3,7 @@
 use crate::program::Program;
 use crate::screen::Shot;
 use crate::tiny::Tiny;
-use crate::{SIZE, start};
+use crate::{SIZE, settled, start};
 
 /// A file brings its mesh, poses and texture; the map is over it while the brush is on.
 #[test]
@@ -64,8 +64,7 @@ fn a_gltf_file_is_opened_with_its_texture_and_its_animations() {
     tiny.json["materials"][0]["alphaMode"] = "MASK".into();
     std::fs::write(&path, tiny.glb()).expect("written");
     let mut view = Program::start(&server, &folder, &options);
-    view.wait("drawn", |event| event["purpose"] == "final");
-    let holed = server.shot().cut(area);
+    let (holed, _) = settled(&server, &mut view);
     view.quit();
     let coloured = |shot: &Shot| shot.pixels.iter().filter(|p| p[0].abs_diff(p[2]) > 60).count() as f64;
     let share = coloured(&holed) / coloured(&shot);
