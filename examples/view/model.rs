@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use glam::Vec3;
 use vrtm::{Asset, Backend, Device, DeviceSettings, MeshSource, Strided};
 use vrtm_paint::Surface;
 
@@ -48,7 +49,7 @@ pub struct Model {
     /// A texture of the file that cannot be read.
     pub notice: Option<String>,
     /// Centre and radius of the mesh in all poses.
-    pub centre: [f32; 3],
+    pub centre: Vec3,
     pub radius: f32,
     /// The triangles to paint on.
     pub surface: Surface,
@@ -160,7 +161,8 @@ impl Model {
         let step = (self.triangles.len() * self.poses.len()).div_ceil(MOST_TRIANGLES).max(1);
         let change = |pose: &[[f32; 3]]| {
             let of_edge = |[a, b]: [u32; 2]| {
-                let [rest, now] = [&self.rest, pose].map(|p| length(minus(p[b as usize], p[a as usize])));
+                let [rest, now] =
+                    [&self.rest, pose].map(|p| Vec3::from(p[b as usize]).distance(p[a as usize].into()));
                 if rest > 0.0 { f64::from(now / rest - 1.0).powi(2) } else { 0.0 }
             };
             let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]];
@@ -219,35 +221,9 @@ fn timeline(numbers: Option<Vec<i64>>, poses: usize) -> Timeline {
 }
 
 /// A ball around points: the middle of their box, and the largest distance from it.
-fn ball<'a>(points: impl Iterator<Item = &'a [f32; 3]> + Clone) -> ([f32; 3], f32) {
-    let low = points.clone().fold([f32::MAX; 3], |a, p| [0, 1, 2].map(|c| a[c].min(p[c])));
-    let high = points.clone().fold([f32::MIN; 3], |a, p| [0, 1, 2].map(|c| a[c].max(p[c])));
-    let centre = [0, 1, 2].map(|c| 0.5 * (low[c] + high[c]));
-    let radius = points.map(|&p| length(minus(p, centre))).fold(1e-12, f32::max);
-    (centre, radius)
-}
-
-pub fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub fn plus(a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
-    [a[0] + b[0] * t, a[1] + b[1] * t, a[2] + b[2] * t]
-}
-
-pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub fn length(a: [f32; 3]) -> f32 {
-    dot(a, a).sqrt()
-}
-
-pub fn unit(a: [f32; 3]) -> [f32; 3] {
-    let length = length(a);
-    if length > 0.0 { a.map(|x| x / length) } else { [0.0, 0.0, 1.0] }
+fn ball<'a>(points: impl Iterator<Item = &'a [f32; 3]> + Clone) -> (Vec3, f32) {
+    let points = points.map(|&point| Vec3::from(point));
+    let low = points.clone().fold(Vec3::MAX, Vec3::min);
+    let centre = low.midpoint(points.clone().fold(Vec3::MIN, Vec3::max));
+    (centre, points.map(|point| point.distance(centre)).fold(1e-12, f32::max))
 }

@@ -1,9 +1,10 @@
 //! The other side of a mesh that is symmetric at rest.
 
+use glam::Vec3;
 use vrtm_paint::{closest, mixed};
 
 use super::pick::Hit;
-use crate::model::{Model, length, minus};
+use crate::model::Model;
 
 /// The plane across x at rest: that through the origin, unless the mesh lies beside it.
 pub fn plane(model: &Model) -> f32 {
@@ -28,7 +29,7 @@ pub fn opposite(model: &Model, positions: &[[f32; 3]], hit: &Hit, plane: f32, re
             continue;
         }
         let w = closest(place, at);
-        let distance = length(minus(mixed(at, w), place));
+        let distance = Vec3::from(mixed(at, w)).distance(place.into());
         if distance <= nearest {
             (best, nearest) = (Some((k, w)), distance);
         }
@@ -53,7 +54,7 @@ mod tests {
         let hit = Hit::new(&model, &pose, (triangle, [1.0 / 3.0; 3]));
         let found = opposite(&model, &pose, &hit, x, 0.1 * model.radius).expect("the sheet is symmetric");
         let expected = posed([2.0 * x - at[0], at[1], at[2]]);
-        assert!(length(minus(found.position, expected)) < 1e-4 * model.radius, "{found:?} {expected:?}");
+        assert!(found.position.distance(expected.into()) < 1e-4 * model.radius, "{found:?} {expected:?}");
         assert!(opposite(&model, &pose, &hit, x + 9.0 * model.radius, 0.1 * model.radius).is_none());
     }
 }

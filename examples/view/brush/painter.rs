@@ -17,7 +17,8 @@ struct Touched {
     before: Vec<u16>,
     /// Coverage of each texel by the stroke: parts of it that overlap do not add up.
     cover: Vec<f32>,
-    rect: Rect,
+    /// Where it changed something.
+    rect: Option<Rect>,
 }
 
 /// The maps, and what happened to them.
@@ -57,7 +58,7 @@ impl Painter {
     ) -> Vec<Change> {
         let mut dirty: Vec<(usize, Rect)> = Vec::new();
         for (hit, radius) in hits {
-            let ball = (hit.position, *radius);
+            let ball = (hit.position.into(), *radius);
             for triangle in model.surface.disc(positions, hit.triangle, ball) {
                 let tile = model.tile_of(triangle);
                 let maps = seen.map(|seen| &*seen[tile].maps);
@@ -92,7 +93,7 @@ impl Painter {
             Some(k) => &mut stroke[k],
             None => {
                 let (before, cover) = (canvas.texels.clone(), vec![0.0; canvas.texels.len()]);
-                stroke.push(Touched { page, before, cover, rect: Rect { first: canvas.size, size: [0, 0] } });
+                stroke.push(Touched { page, before, cover, rect: None });
                 stroke.last_mut()?
             }
         };
@@ -110,11 +111,9 @@ impl Painter {
                 let before = f32::from(touched.before[texel]);
                 canvas.texels[texel] = (before + (brush.target() - before) * cover).round() as u16;
                 changed = Some(Rect::around(changed, canvas.place(texel)));
+                touched.rect = Some(Rect::around(touched.rect, canvas.place(texel)));
             }
         });
-        if let Some(rect) = changed {
-            touched.rect = if touched.rect.size == [0, 0] { rect } else { touched.rect.with(rect) };
-        }
         changed
     }
 
@@ -183,12 +182,11 @@ impl Painter {
     /// Ends a stroke, which can be undone from now on.
     pub fn end(&mut self) {
         let touched = std::mem::take(&mut self.stroke);
-        let before = |touched: Touched| {
-            let Touched { page, before, rect, .. } = touched;
-            let canvas = Canvas { texels: before, ..self.canvases[page].clone() };
-            Change { page, rect, texels: canvas.copy(rect) }
+        let before = |Touched { page, before, rect, .. }: Touched| {
+            let canvas = Canvas { texels: before, ..self.canvases[page] };
+            rect.map(|rect| Change { page, rect, texels: canvas.copy(rect) })
         };
-        let changes: Vec<_> = touched.into_iter().filter(|t| t.rect.size != [0, 0]).map(before).collect();
+        let changes = touched.into_iter().filter_map(before).collect();
         self.steps.keep(changes);
     }
 

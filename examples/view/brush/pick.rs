@@ -1,7 +1,9 @@
 //! The point of the surface under the mouse.
 
+use glam::Vec3;
+
 use crate::draw::camera::Camera;
-use crate::model::{Model, cross, length, minus, unit};
+use crate::model::Model;
 
 /// A point of the surface.
 #[derive(Clone, Copy, Debug)]
@@ -9,16 +11,17 @@ pub struct Hit {
     pub triangle: usize,
     /// Weights of the triangle's corners.
     pub weights: [f32; 3],
-    pub position: [f32; 3],
-    pub normal: [f32; 3],
+    pub position: Vec3,
+    pub normal: Vec3,
 }
 
 impl Hit {
     /// A point in a pose.
     pub fn new(model: &Model, positions: &[[f32; 3]], (triangle, weights): (usize, [f32; 3])) -> Hit {
         let corners = model.surface.corners(triangle, positions);
-        let normal = unit(cross(minus(corners[1], corners[0]), minus(corners[2], corners[0])));
-        Hit { triangle, weights, position: vrtm_paint::mixed(corners, weights), normal }
+        let [a, b, c] = corners.map(Vec3::from);
+        let normal = (b - a).cross(c - a).normalize_or(Vec3::Z);
+        Hit { triangle, weights, position: vrtm_paint::mixed(corners, weights).into(), normal }
     }
 
     /// The nearest point of the surface at a place on the picture, in units of its width and height.
@@ -30,7 +33,7 @@ impl Hit {
     /// True if nothing lies before it.
     pub fn shows(&self, model: &Model, positions: &[[f32; 3]], camera: &Camera) -> bool {
         camera.project(self.position).is_some_and(|[x, y, _]| {
-            let away = |hit: &Hit| length(minus(hit.position, camera.eye));
+            let away = |hit: &Hit| hit.position.distance(camera.eye);
             let first = Hit::pick(model, positions, camera, [x, y]);
             first.is_none_or(|first| away(&first) > away(self) - 0.01 * model.radius)
         })
@@ -41,7 +44,6 @@ impl Hit {
 mod tests {
     use super::*;
     use crate::draw::camera::Orbit;
-    use crate::model::{dot, plus};
 
     #[test]
     fn the_nearest_of_two_sides_is_picked() {
@@ -52,11 +54,11 @@ mod tests {
         let hit = pick([0.5, 0.55]).expect("the mug is in the middle");
         let [x, y, depth] = camera.project(hit.position).expect("before the viewer");
         assert!((x - 0.5).abs() < 1e-3 && (y - 0.55).abs() < 1e-3, "{x} {y}");
-        let behind = Hit { position: plus(hit.position, camera.forward, model.radius), ..hit };
+        let behind = Hit { position: hit.position + model.radius * camera.forward, ..hit };
         assert!(hit.shows(&model, rest, &camera) && !behind.shows(&model, rest, &camera));
         // The other side of the mug lies farther away than its middle.
-        let middle = dot(minus(model.centre, camera.eye), camera.forward);
-        assert!(depth < middle && length(minus(hit.position, model.centre)) < 1.1 * model.radius);
+        let middle = (model.centre - camera.eye).dot(camera.forward);
+        assert!(depth < middle && hit.position.distance(model.centre) < 1.1 * model.radius);
         assert!(pick([0.01, 0.01]).is_none(), "nothing is in the corner");
     }
 }

@@ -5,8 +5,6 @@ use glam::camera::rh::proj::directx::perspective;
 use glam::camera::rh::view::look_to_mat4;
 use glam::{Mat4, Vec3};
 
-use crate::model::{cross, dot, minus, plus, unit};
-
 /// Half of the angle of view from the bottom to the top of the picture.
 const HALF: f32 = 14.0 * std::f32::consts::PI / 180.0;
 
@@ -19,7 +17,7 @@ pub struct Orbit {
     /// Distance in units in which the mesh just fits.
     pub zoom: f32,
     /// The point in the middle of the picture.
-    pub target: [f32; 3],
+    pub target: Vec3,
     /// Radius of the mesh.
     pub radius: f32,
     /// True if z points up instead of y.
@@ -41,10 +39,10 @@ const FILLED: f32 = 0.92;
 /// The camera as numbers: what projects a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    pub eye: [f32; 3],
-    pub right: [f32; 3],
-    pub up: [f32; 3],
-    pub forward: [f32; 3],
+    pub eye: Vec3,
+    pub right: Vec3,
+    pub up: Vec3,
+    pub forward: Vec3,
     /// To clip coordinates.
     pub clip: Mat4,
     near: f32,
@@ -73,7 +71,7 @@ pub struct View {
 
 impl Orbit {
     /// A flat sheet is viewed from the front, any other mesh from the front, left and above.
-    pub fn of(positions: &[[f32; 3]], centre: [f32; 3], radius: f32) -> Orbit {
+    pub fn of(positions: &[[f32; 3]], centre: Vec3, radius: f32) -> Orbit {
         let extent = |c: usize| {
             let values = positions.iter().map(|p| p[c]);
             values.clone().fold(f32::MIN, f32::max) - values.fold(f32::MAX, f32::min)
@@ -99,21 +97,21 @@ impl Orbit {
             let camera = self.camera(aspect);
             // How far a point wants the viewer to be from the target.
             let wants = |&point: &[f32; 3]| {
-                let way = minus(point, self.target);
-                let [x, y] = [dot(way, camera.right) / aspect, dot(way, camera.up)].map(f32::abs);
+                let way = Vec3::from(point) - self.target;
+                let [x, y] = [way.dot(camera.right) / aspect, way.dot(camera.up)].map(f32::abs);
                 let clear = (x.max(y) / (FILLED * camera.tangent)).max(0.05 * self.radius);
-                clear - dot(way, camera.forward)
+                clear - way.dot(camera.forward)
             };
             let distance = points.clone().map(wants).fold(0.0, f32::max);
             self.zoom = (self.zoom * distance / self.distance()).clamp(0.02, 8.0);
             let camera = self.camera(aspect);
             let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
-            for at in points.clone().filter_map(|&point| camera.project(point)) {
+            for at in points.clone().filter_map(|&point| camera.project(point.into())) {
                 low = [0, 1].map(|c| low[c].min(at[c]));
                 high = [0, 1].map(|c| high[c].max(at[c]));
             }
             // What is near moves most: a step that is right for it overshoots nowhere.
-            let depth = |point: &[f32; 3]| dot(minus(*point, camera.eye), camera.forward);
+            let depth = |point: &[f32; 3]| (Vec3::from(*point) - camera.eye).dot(camera.forward);
             let part = points.clone().map(depth).fold(distance, f32::min) / distance;
             let off = [0, 1].map(|c| part * (0.5 * (low[c] + high[c]) - 0.5));
             if off.iter().any(|x| !x.is_finite()) {
@@ -137,7 +135,7 @@ impl Orbit {
     /// Moves sideways by a part of the picture's height.
     pub fn pan(&mut self, camera: &Camera, [x, y]: [f32; 2]) {
         let height = 2.0 * camera.tangent * self.distance();
-        self.target = plus(plus(self.target, camera.right, -x * height), camera.up, y * height);
+        self.target += height * (y * camera.up - x * camera.right);
     }
 
     fn distance(&self) -> f32 {
@@ -148,16 +146,15 @@ impl Orbit {
     pub fn camera(&self, aspect: f32) -> Camera {
         let (ys, yc) = self.yaw.to_radians().sin_cos();
         let (ps, pc) = self.pitch.to_radians().sin_cos();
-        let turned = |[x, y, z]: [f32; 3]| if self.z_up { [x, -z, y] } else { [x, y, z] };
-        let [right, up, toward] =
+        let turned = |[x, y, z]: [f32; 3]| if self.z_up { [x, -z, y] } else { [x, y, z] }.into();
+        let [right, up, toward]: [Vec3; 3] =
             [[yc, 0.0, -ys], [-ps * ys, pc, -ps * yc], [pc * ys, ps, pc * yc]].map(turned);
         let distance = self.distance();
         let tangent = HALF.tan() / aspect.min(1.0);
-        let (eye, forward) = (plus(self.target, toward, distance), toward.map(|x| -x));
+        let (eye, forward) = (self.target + distance * toward, -toward);
         let near = (distance - 2.5 * self.radius).max(0.01 * self.radius * self.zoom.min(1.0));
         let far = distance + 4.0 * self.radius;
-        let clip = perspective(2.0 * tangent.atan(), aspect, near, far)
-            * look_to_mat4(eye.into(), forward.into(), up.into());
+        let clip = perspective(2.0 * tangent.atan(), aspect, near, far) * look_to_mat4(eye, forward, up);
         Camera { eye, right, up, forward, clip, near, aspect, tangent }
     }
 }
@@ -165,28 +162,21 @@ impl Orbit {
 impl Camera {
     /// A point on the picture, from its upper left corner in units of its width and height, and its depth; `None`
     /// behind the viewer.
-    pub fn project(&self, point: [f32; 3]) -> Option<[f32; 3]> {
-        let at = self.clip * Vec3::from(point).extend(1.0);
+    pub fn project(&self, point: Vec3) -> Option<[f32; 3]> {
+        let at = self.clip * point.extend(1.0);
         (at.w > self.near).then(|| [0.5 + 0.5 * at.x / at.w, 0.5 - 0.5 * at.y / at.w, at.w])
     }
 
     /// The ray through a place on the picture, from where the picture begins.
     pub fn ray(&self, [x, y]: [f32; 2]) -> ([f32; 3], [f32; 3]) {
         let [x, y] = [(2.0 * x - 1.0) * self.tangent * self.aspect, (1.0 - 2.0 * y) * self.tangent];
-        let way = plus(plus(self.forward, self.right, x), self.up, y);
-        (plus(self.eye, way, self.near), way)
+        let way = self.forward + x * self.right + y * self.up;
+        ((self.eye + self.near * way).into(), way.into())
     }
 
     /// The length of one height of the picture at a point.
-    pub fn height(&self, point: [f32; 3]) -> f32 {
-        2.0 * self.tangent * dot(minus(point, self.eye), self.forward)
-    }
-
-    /// Two unit vectors along a plane.
-    pub fn tangents(&self, normal: [f32; 3]) -> [[f32; 3]; 2] {
-        let a = cross(normal, self.right);
-        let a = if dot(a, a) > 1e-6 { unit(a) } else { unit(cross(normal, self.up)) };
-        [a, cross(normal, a)]
+    pub fn height(&self, point: Vec3) -> f32 {
+        2.0 * self.tangent * (point - self.eye).dot(self.forward)
     }
 }
 
@@ -199,12 +189,18 @@ mod tests {
         // Long in x, beside the point that is looked at.
         let points = [[0.0, 0.0, 0.0], [4.0, 0.5, 0.3], [4.0, -0.5, -0.3], [2.0, 0.2, 1.0]];
         for (aspect, side) in [(0.5, Side::Front), (1.3, Side::Front), (2.6, Side::Right), (1.0, Side::Top)] {
-            let mut orbit =
-                Orbit { yaw: 0.0, pitch: 0.0, zoom: 1.0, target: [1.0, 1.0, 0.0], radius: 4.0, z_up: false };
+            let mut orbit = Orbit {
+                yaw: 0.0,
+                pitch: 0.0,
+                zoom: 1.0,
+                target: Vec3::new(1.0, 1.0, 0.0),
+                radius: 4.0,
+                z_up: false,
+            };
             orbit.look_from(side);
             orbit.frame(points.iter(), aspect);
             let camera = orbit.camera(aspect);
-            let at = points.map(|point| camera.project(point).expect("before the viewer"));
+            let at = points.map(|point| camera.project(point.into()).expect("before the viewer"));
             let end =
                 |c: usize, pick: fn(f32, f32) -> f32| at.iter().map(|p| p[c]).reduce(pick).expect("points");
             let [low, high] = [[end(0, f32::min), end(1, f32::min)], [end(0, f32::max), end(1, f32::max)]];

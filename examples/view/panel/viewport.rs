@@ -7,7 +7,6 @@ use eframe::egui::{
 use super::style;
 use crate::brush::pick::Hit;
 use crate::draw::camera::{Camera, Orbit, View};
-use crate::model::plus;
 
 /// UVs at which the texture is looked up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,13 +111,12 @@ impl Look {
     /// The views to draw; `cells` is the grid's size along a side, `scale` pixels per point, `overlay` the strength of
     /// the rigidity map over textures.
     pub fn views(&self, camera: &Camera, cells: u32, scale: f32, overlay: f32) -> Vec<View> {
-        let wide = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
         let lines = if self.grid { cells as f32 / EVERY } else { 0.0 };
         let view = |&redirected: &bool| View {
             clip: camera.clip.to_cols_array_2d(),
-            eye: wide(camera.eye),
-            right: wide(camera.right),
-            up: wide(camera.up),
+            eye: camera.eye.extend(0.0).into(),
+            right: camera.right.extend(0.0).into(),
+            up: camera.up.extend(0.0).into(),
             redirect: f32::from(u8::from(redirected)),
             shown: self.shown as u8 as f32,
             lines,
@@ -248,11 +246,11 @@ fn legend(painter: &egui::Painter, area: Rect) {
 /// The brush's outline: a circle on the plane that touches the surface.
 pub fn outline(ui: &Ui, (pane, seen): (Rect, Rect), camera: &Camera, hit: &Hit, radius: f32) {
     let painter = ui.painter_at(seen);
-    let [a, b] = camera.tangents(hit.normal);
+    let (a, b) = hit.normal.any_orthonormal_pair();
     let points: Vec<Pos2> = (0..48)
         .filter_map(|k| {
             let (sin, cos) = (k as f32 / 48.0 * std::f32::consts::TAU).sin_cos();
-            let point = plus(plus(hit.position, a, radius * cos), b, radius * sin);
+            let point = hit.position + radius * (cos * a + sin * b);
             let [x, y, _] = camera.project(point)?;
             Some(pane.lerp_inside(vec2(x, y)))
         })

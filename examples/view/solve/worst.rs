@@ -2,11 +2,13 @@
 
 use std::ops::Range;
 
+use glam::Vec3;
+
 use super::answer::{Answer, Maps};
 use crate::brush::pick::Hit;
 
 use crate::mesh::Triangle;
-use crate::model::{Model, cross, length, minus, unit};
+use crate::model::Model;
 
 /// Radius of a ring, in radii of a disc with the feature's area.
 const WIDE: f32 = 1.8;
@@ -47,12 +49,13 @@ fn ring(
         if sum == 0.0 || weights.iter().any(|weight| weight * sum < 0.0) {
             return None;
         }
-        let [a, b, c] = vertices.map(|v| positions[v as usize]);
+        let corners = vertices.map(|v| positions[v as usize]);
+        let [a, b, c] = corners.map(Vec3::from);
         let weights = weights.map(|weight| weight / sum);
-        let position = vrtm_paint::mixed([a, b, c], weights);
-        let normal = cross(minus(b, a), minus(c, a));
-        let radius = WIDE * (area * length(normal) / sum.abs() / std::f32::consts::PI).sqrt();
-        Some((Hit { triangle, weights, position, normal: unit(normal) }, radius))
+        let position = vrtm_paint::mixed(corners, weights).into();
+        let normal = (b - a).cross(c - a);
+        let radius = WIDE * (area * normal.length() / sum.abs() / std::f32::consts::PI).sqrt();
+        Some((Hit { triangle, weights, position, normal: normal.normalize_or(Vec3::Z) }, radius))
     })
 }
 
@@ -69,8 +72,8 @@ mod tests {
         let positions = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 1.0, 1.0], [4.0, 1.0, 1.0]];
         let find = |uv| ring(&triangles, 0..2, &positions, uv, 0.01);
         let (hit, radius) = find([0.4, 0.4]).expect("it is inside");
-        assert_eq!((hit.triangle, hit.normal), (1, [0.0, 0.0, 1.0]));
-        assert!(length(minus(hit.position, [3.2, 0.8, 1.0])) < 1e-5, "{:?}", hit.position);
+        assert_eq!((hit.triangle, hit.normal), (1, Vec3::Z));
+        assert!(hit.position.distance(Vec3::new(3.2, 0.8, 1.0)) < 1e-5, "{:?}", hit.position);
         let disc = std::f32::consts::PI * (radius / WIDE).powi(2);
         assert!((disc - 0.16).abs() < 1e-5, "{disc}");
         assert!(find([0.6, 0.4]).is_none());
