@@ -89,7 +89,7 @@ impl Model {
     pub fn layered(files: &Files, choice: &Choice, layers: u32) -> Result<Model> {
         let Opened { source, contents, numbers, pictures: of_tiles, notice } = match &files.rest {
             Some(path) if gltf::is_gltf(path) => gltf::load(path, files, choice)?,
-            _ => Source::load(files)?.into(),
+            _ => Opened { source: Source::load(files)?, ..Opened::default() },
         };
         let Source { name, origin, mesh, frames, mut maps, inputs, .. } = source;
         let near = |pose: &Positions| pose.around(pose.origin(&mesh.rest));

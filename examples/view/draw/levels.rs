@@ -12,13 +12,6 @@ pub struct Level {
     pub texels: Vec<u8>,
 }
 
-/// A part of a level to upload.
-pub struct Part {
-    pub level: u32,
-    pub rect: Rect,
-    pub texels: Vec<u8>,
-}
-
 impl Levels {
     pub fn new(canvas: &Canvas) -> Levels {
         let mut size = canvas.size;
@@ -35,8 +28,8 @@ impl Levels {
         all
     }
 
-    /// Follows a canvas whose texels in a rectangle changed. Returns what changed on each level.
-    pub fn update(&mut self, canvas: &Canvas, rect: Rect) -> Vec<Part> {
+    /// Follows a canvas whose texels in a rectangle changed. Returns what changed on each level, from the finest on.
+    pub fn update(&mut self, canvas: &Canvas, rect: Rect) -> Vec<(Rect, Vec<u8>)> {
         let height = canvas.size[1];
         let mut rect =
             Rect { first: [rect.first[0], height - rect.first[1] - rect.size[1]], size: rect.size };
@@ -50,7 +43,7 @@ impl Levels {
             } else {
                 fill(this, rect, |[x, y]| (canvas.texels[canvas.index([x, height - 1 - y])] / 257) as u8);
             }
-            parts.push(Part { level: level as u32, rect, texels: this.copy(rect) });
+            parts.push((rect, this.copy(rect)));
         }
         parts
     }
@@ -99,8 +92,8 @@ mod tests {
         let rect = Rect { first: [3, 1], size: [2, 3] };
         canvas.paste(rect, &[65535; 6]);
         let parts = levels.update(&canvas, rect);
-        assert_eq!(parts[0].rect, Rect { first: [3, 2], size: [2, 3] });
-        assert!(parts[0].texels.iter().all(|&texel| texel == 255));
+        assert_eq!(parts[0].0, Rect { first: [3, 2], size: [2, 3] });
+        assert!(parts[0].1.iter().all(|&texel| texel == 255));
         let whole = Levels::new(&canvas);
         for (a, b) in levels.levels.iter().zip(&whole.levels) {
             assert_eq!((a.size, &a.texels), (b.size, &b.texels));

@@ -185,8 +185,8 @@ impl Scene {
         };
         for (page, rect) in changed {
             for tile in self.tiles.iter_mut().filter(|tile| tile.page == page) {
-                for part in tile.levels.update(&self.filled[page], rect) {
-                    gpu.write(&tile.rigidity, part.level, part.rect.first, part.rect.size, &part.texels);
+                for (level, (rect, texels)) in (0..).zip(tile.levels.update(&self.filled[page], rect)) {
+                    gpu.write(&tile.rigidity, level, rect.first, rect.size, &texels);
                 }
             }
         }

@@ -54,7 +54,8 @@ pub struct Contents {
     pub animation: Option<usize>,
 }
 
-/// An opened file.
+/// An opened file; of one that is no glTF, its source alone.
+#[derive(Default)]
 pub struct Opened {
     pub source: Source,
     pub contents: Option<Contents>,
@@ -63,13 +64,6 @@ pub struct Opened {
     pub pictures: OfTiles,
     /// A texture that cannot be read.
     pub notice: Option<String>,
-}
-
-impl From<Source> for Opened {
-    /// Of files that are no glTF.
-    fn from(source: Source) -> Opened {
-        Opened { source, contents: None, numbers: None, pictures: OfTiles::new(), notice: None }
-    }
 }
 
 /// True if a path is that of a glTF file.

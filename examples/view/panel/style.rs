@@ -1,6 +1,6 @@
 //! Colours and spacing: dark and quiet, so that the mesh is what one sees.
 
-use eframe::egui::{self, Color32, CornerRadius, FontFamily, FontId, Margin, Stroke, TextStyle, vec2};
+use eframe::egui::{self, Color32, CornerRadius, Margin, Stroke, TextStyle, vec2};
 
 pub const BACK: Color32 = Color32::from_rgb(24, 25, 28);
 pub const PANEL: Color32 = Color32::from_rgb(32, 33, 37);
@@ -19,15 +19,10 @@ pub const ERROR: Color32 = Color32::from_rgb(232, 112, 96);
 pub fn apply(ctx: &egui::Context) {
     ctx.set_theme(egui::Theme::Dark);
     ctx.all_styles_mut(|style| {
-        let fonts = [
-            (TextStyle::Heading, 15.0, FontFamily::Proportional),
-            (TextStyle::Body, 13.0, FontFamily::Proportional),
-            (TextStyle::Button, 13.0, FontFamily::Proportional),
-            (TextStyle::Small, 11.0, FontFamily::Proportional),
-            (TextStyle::Monospace, 12.0, FontFamily::Monospace),
-        ];
-        style.text_styles =
-            fonts.into_iter().map(|(of, size, family)| (of, FontId::new(size, family))).collect();
+        for (of, size) in [(TextStyle::Heading, 15.0), (TextStyle::Small, 11.0), (TextStyle::Monospace, 12.0)]
+        {
+            style.text_styles.entry(of).and_modify(|font| font.size = size);
+        }
         let spacing = &mut style.spacing;
         spacing.item_spacing = vec2(8.0, 6.0);
         spacing.button_padding = vec2(9.0, 4.0);
