@@ -189,33 +189,6 @@ fn beside_a_still_chart_both_sides_stay_together() {
     assert!(right == 0.0 && left < 0.05 && inside > 1.0, "{inside}, at the seam {left} and {right} cells");
 }
 
-/// A tile is solved anew when a neighbour's charts no longer continue, even if no vertex has moved.
-#[test]
-fn a_tile_follows_the_setting_of_its_neighbour() {
-    let device = cpu(1);
-    let sheet = CutSheet::new([2, 1], 8).in_two_tiles();
-    let pose = sheet.pose(0.3);
-    let run = |asset: &mut Asset, dirty_vertices| {
-        let positions = Strided::from_slice(&pose);
-        asset.run(&SolveRequest { positions, dirty_vertices, ..SolveRequest::default() }, &mut []).unwrap();
-        bits(asset)
-    };
-    let shut = |asset: &mut Asset, seams| {
-        change(asset, 1, |settings| settings.seams = seams);
-    };
-    let mut asset = sheet.asset(&device, 64, true);
-    let before = run(&mut asset, None);
-    shut(&mut asset, Seams::Shut);
-    let after = run(&mut asset, Some(&[][..]));
-    let mut fresh = sheet.asset(&device, 64, true);
-    shut(&mut fresh, Seams::Shut);
-    assert!(after == run(&mut fresh, None), "the neighbour's setting is not seen");
-    let first = 0..after.len() / 2;
-    assert!(after[first.clone()] != before[first], "the first tile does not depend on it");
-    shut(&mut asset, Seams::Continue);
-    assert!(before == run(&mut asset, Some(&[][..])), "and back");
-}
-
 /// Nodes of a collar are free where the mask of the tile that it lies in leaves them free.
 #[test]
 fn the_mask_of_a_neighbour_holds_in_collars() {

@@ -350,3 +350,48 @@ fn results_are_those_of_fresh_assets() {
         assert!(count * least > all, "{what}: {count} of {all}");
     }
 }
+
+/// Each setting by itself, of a tile and of its neighbour, there and back, while no vertex moves.
+#[test]
+fn each_setting_is_followed() {
+    type Change = fn(&mut TileSettings);
+    let changes: [(&str, Change); 10] = [
+        ("seams that are kept", |settings| settings.seams = Seams::Keep),
+        ("seams that are shut", |settings| settings.seams = Seams::Shut),
+        ("open borders", |settings| settings.open_borders = OpenBorders::Slide),
+        ("reach", |settings| settings.seam_reach = 0.1),
+        ("overlap", |settings| settings.overlap = Overlap::FirstFace),
+        ("grid", |settings| settings.grid = [Some(16), Some(48)]),
+        ("smoothness", |settings| settings.smoothness = 0.1),
+        ("floor of smoothness", |settings| settings.smoothness_floor = 2e-3),
+        ("room", |settings| settings.room = 0.1),
+        ("orientation", |settings| settings.orientation = 0.3),
+    ];
+    let (model, device, mut given) = (model(), cpu(1), Given::new(&mut Random(1)));
+    given.settings[1] = given.settings[0];
+    let solve = |asset: &mut Asset, dirty_vertices| {
+        let positions = Strided::from_slice(&model.frames[2]);
+        asset.run(&SolveRequest { positions, dirty_vertices, ..SolveRequest::default() }, &mut []).unwrap();
+        [0, 1].map(|tile| seen(asset, tile))
+    };
+    let mut asset = given.fresh(&model, &device);
+    let mut before = solve(&mut asset, None);
+    let all = changes.into_iter().flat_map(|change| [(change, 0), (change, 1)]);
+    // At the end again what is kept in place of shut, where no collar changes.
+    for (n, ((what, change), tile)) in all.chain([(changes[0], 0), (changes[0], 1)]).enumerate() {
+        if n == 2 * changes.len() {
+            given.settings.iter_mut().for_each(|settings| settings.seams = Seams::Shut);
+            asset = given.fresh(&model, &device);
+            before = solve(&mut asset, None);
+        }
+        let mut changed = given.clone();
+        change(&mut changed.settings[tile]);
+        asset.tile_mut(tile).set_settings(&changed.settings[tile]).unwrap();
+        let found = solve(&mut asset, Some(&[]));
+        // No charts lie over one another in the first tile.
+        assert!(tile == 0 || found[1] != before[1], "{what} changes nothing");
+        assert!(found == solve(&mut changed.fresh(&model, &device), None), "{what} of tile {tile}");
+        asset.tile_mut(tile).set_settings(&given.settings[tile]).unwrap();
+        assert!(solve(&mut asset, Some(&[])) == before, "{what} of tile {tile}, and back");
+    }
+}
