@@ -1,16 +1,16 @@
-//! Texture that slides along open borders: how far it leaves them, what features there gain, and what holds for every
-//! result.
+//! Texture that slides along open borders: how far it leaves them, and what features there gain. What holds for every
+//! result, `seams` tests.
 
 use std::f64::consts::TAU;
 
-use vrtm::{Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, SolveOptions, Solver, Strided};
+use vrtm::{Asset, Device, OpenBorders, Quality, Seams, SolveOptions, Solver};
 use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{Borders, Kind, STILL, set_borders};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, long, on_all_cores, options};
+use vrtm_testkit::{Maps, Model, Warp, cpu, long, on_all_cores, options};
 
-const SLIDE: Borders = (Seams::Shut, OpenBorders::Slide);
+pub const SLIDE: Borders = (Seams::Shut, OpenBorders::Slide);
 
 /// The outline of a flat sheet in the UV plane, a closed polygon, and the sheet's mesh inside of it.
 pub struct Sheet {
@@ -138,62 +138,6 @@ fn corners_stay() {
                 assert_eq!(u[j * 257 + i], [0.0; 2], "node {i}, {j}");
             }
         }
-    }
-}
-
-#[test]
-fn rest_and_rigid_motions_are_the_identity() {
-    let Sheet { model, .. } = sheet(true);
-    let mut asset = sliding(&model, &cpu(2), 128);
-    let (sin, cos) = 0.4f32.sin_cos();
-    let turn = |p: &[f32; 3]| [cos * p[0] - sin * p[1], sin * p[0] + cos * p[1] - 0.5, p[2] - 0.25];
-    let turned: Vec<[f32; 3]> = model.rest.iter().map(turn).collect();
-    for pose in [&model.rest, &turned] {
-        asset.solve(Strided::from_slice(pose), &SolveOptions::default()).unwrap();
-        assert!(Warp::of(&asset, 0).is_identity());
-    }
-}
-
-#[test]
-fn bits_depend_neither_on_threads_nor_on_frames_before_nor_on_saving() {
-    let Sheet { model, .. } = sheet(true);
-    let solved = |threads: u32| {
-        let mut asset = sliding(&model, &cpu(threads), 256);
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-        asset
-    };
-    let mut one = solved(1);
-    let expected = bits(&one);
-    assert!(expected == bits(&solved(3)), "other bits on three threads");
-    let mut asset = solved(2);
-    for pose in [&model.rest, &model.frames[0]] {
-        asset.solve(Strided::from_slice(pose), &SolveOptions::default()).unwrap();
-    }
-    assert!(expected == bits(&asset), "the frames before are seen");
-    let mut loaded = sliding(&model, &cpu(2), 256);
-    loaded.tile_mut(0).load(&one.tile_mut(0).save().unwrap()).unwrap();
-    loaded.solve(model.frame(1), &SolveOptions::default()).unwrap();
-    assert!(expected == bits(&loaded), "a loaded tile has other bits");
-    let mut fixed = model.asset_on(&cpu(2), 256);
-    let error = fixed.tile_mut(0).load(&one.tile_mut(0).save().unwrap()).unwrap_err();
-    assert!(error.message.contains("another mesh, map or setting"), "{error}");
-}
-
-#[test]
-fn a_gpu_gives_the_same_to_a_fraction_of_a_cell() {
-    let Some(gpu) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    let Sheet { model, .. } = sheet(true);
-    for solver in [Solver::Descent, Solver::Pbd] {
-        let [of_cpu, of_gpu] = [&cpu(0), &gpu].map(|device| {
-            let mut asset = sliding(&model, device, 128);
-            let options = SolveOptions { solver, ..options(Quality::Normal) };
-            asset.solve(model.frame(1), &options).unwrap();
-            Warp::of(&asset, 0)
-        });
-        let apart = |a: &[f32; 2], b: &[f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
-        let worst = of_cpu.u.iter().zip(&of_gpu.u).map(|(a, b)| apart(a, b)).fold(0.0, f32::max);
-        println!("largest difference: {worst} cells");
-        assert!(worst < 0.01 && of_cpu.longest() > 0.2, "{worst}");
     }
 }
 
