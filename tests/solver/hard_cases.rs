@@ -377,6 +377,8 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
 
         let after = (asset.displacements(0).unwrap(), asset.tile(0).report().unwrap());
         assert_eq!(before, after, "a refused call changed the result");
+        asset.solve(Strided::from_slice(&good.poses[0]), &good.options).unwrap();
+        assert_eq!(asset.tile(0).report().unwrap().charts_active, 0, "the result is not reused");
     }
 }
 
