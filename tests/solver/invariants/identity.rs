@@ -13,22 +13,6 @@ fn models() -> Vec<Model> {
     vrtm_testkit::long::share(models, 4, "models")
 }
 
-vrtm_testkit::on_both! {
-    rest_is_the_identity_exactly(256),
-    rest_is_the_identity_exactly_on_a_gpu(64): rest_is_the_identity
-}
-
-fn rest_is_the_identity(device: &Device, grid: u32) {
-    for model in models() {
-        let mut asset = model.solved(device, grid, 1, &SolveOptions::default());
-        assert!(bits(&asset).iter().any(|u| *u != [0; 2]), "{} does not move", model.name);
-        asset.solve(Strided::from_slice(&model.rest), &SolveOptions::default()).unwrap();
-        assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
-        let report = asset.report().unwrap();
-        assert_eq!((report.charts_active, report.nodes_active), (0, 0), "{}", model.name);
-    }
-}
-
 /// A rotation about an oblique axis; no entry of its matrix is exact.
 fn turn(p: [f64; 3]) -> [f64; 3] {
     let (s, c) = 0.83f64.sin_cos();
