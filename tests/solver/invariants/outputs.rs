@@ -1,8 +1,8 @@
 //! All outputs of a result agree: formats, row orders, strides, corner UVs, and one call or two.
 
-use vrtm::{Asset, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions};
+use vrtm::{Asset, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions, f16};
 
-use vrtm_testkit::{self, Model, Warp, fetch, floats, long};
+use vrtm_testkit::{self, Model, Warp, fetch, floats};
 
 const KINDS: [FetchKind; 3] = [FetchKind::Redirection, FetchKind::RedirectionDelta, FetchKind::Warp];
 
@@ -16,17 +16,6 @@ fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fi
     out
 }
 
-/// Value of a half-precision float.
-fn half(bits: u16) -> f64 {
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    let size = match exponent {
-        0 => fraction * 2f64.powi(-24),
-        31 => f64::NAN,
-        e => (1024.0 + fraction) * 2f64.powi(e - 25),
-    };
-    if bits >> 15 == 1 { -size } else { size }
-}
-
 #[test]
 fn half_floats_are_the_nearest_to_the_floats() {
     let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
@@ -34,7 +23,7 @@ fn half_floats_are_the_nearest_to_the_floats() {
         let layout = |format| ImageLayout::packed(256, 256, format);
         let whole = floats(&raw(&mut asset, kind, layout(PixelFormat::F32), 256 * 256 * 8, 0));
         let halves = raw(&mut asset, kind, layout(PixelFormat::F16), 256 * 256 * 4, 0);
-        let halves = halves.chunks_exact(2).map(|b| half(u16::from_ne_bytes([b[0], b[1]])));
+        let halves = halves.chunks_exact(2).map(|b| f16::from_ne_bytes([b[0], b[1]]).to_f64());
         let mut nonzero = 0;
         for (&value, half) in whole.iter().flatten().zip(halves) {
             // Half a unit in the last place: 11 bits of precision, spacing 2^-24 below 2^-14.
@@ -119,45 +108,6 @@ fn one_call_is_solve_and_fetch() {
     assert!(one.redirect(model.frame(2), &SolveOptions::default(), &mut fetches).is_err());
     assert_eq!(images[0], before);
     assert!(vrtm_testkit::bits(&one) == vrtm_testkit::bits(&two));
-}
-
-#[test]
-fn corner_uvs_are_the_inverse_of_the_warp() {
-    use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
-    let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
-    models.extend(vrtm_testkit::assets());
-    for model in long::share(models, 4, "models") {
-        let mut asset = solved(&model);
-        let mut uvs = vec![[f32::NAN; 2]; model.indices.len()];
-        asset.corner_uvs(0, &mut uvs).unwrap();
-        let (mut moved, mut worst) = (0, 0.0f64);
-        for face in model.faces() {
-            let uv = |c: usize| model.uvs[model.uv_indices[c] as usize];
-            let centre = |k: usize| face.clone().map(|c| uv(c)[k]).sum::<f32>() / face.len() as f32;
-            let origin = [0, 1].map(|k| centre(k).floor());
-            let udim = 1001 + origin[0] as u32 + 10 * origin[1] as u32;
-            let Some(tile) = asset.find_tile(udim) else { continue };
-            let n = f64::from(asset.tile_mut(tile).info().unwrap().grid[0]);
-            let warp = Warp::of(&asset, tile);
-            for c in face.clone() {
-                let [p, q] =
-                    [uvs[c], uv(c)].map(|uv| [0, 1].map(|k| (f64::from(uv[k]) - f64::from(origin[k])) * n));
-                if q.iter().any(|x| !(0.0..=n).contains(x)) {
-                    continue;
-                }
-                let back = warp.at(p);
-                // UVs are rounded to f32; in a tile far to the right fewer digits are left after the point.
-                let ulp = f64::from(f32::EPSILON) * f64::from(uv(c)[0].max(uv(c)[1]).max(1.0)) * n;
-                let off = (back[0] - q[0]).hypot(back[1] - q[1]);
-                // W may magnify that a few times.
-                assert!(off < 1e-4 + 2.0 * ulp, "{}: corner {c} is {off} cells off", model.name);
-                worst = worst.max(off);
-                moved += usize::from(uvs[c] != uv(c));
-            }
-        }
-        println!("{}: {moved} corners moved, {worst:.1e} cells off", model.name);
-        assert!(moved > 0, "{}", model.name);
-    }
 }
 
 /// One interpolation everywhere: a warp of any size is that of the triangles that redirection and corner UVs invert.
