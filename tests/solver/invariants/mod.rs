@@ -1,6 +1,5 @@
 //! Checks what holds for every result of `descent` (method §11.1), recomputed here in f64 from the library's outputs.
 
-mod fixed;
 mod identity;
 mod maps;
 mod outputs;
