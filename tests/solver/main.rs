@@ -1,6 +1,5 @@
 //! What a solve computes: what holds for every result, how good results are, and that their bits stay.
 
-mod assets;
 mod bits;
 mod budget;
 mod collars;
@@ -21,9 +20,7 @@ mod pbd;
 mod random;
 mod reference;
 mod roughness;
-mod scenes;
 mod seams;
-mod smooth;
 mod strips;
 mod temporal;
 mod welds;
