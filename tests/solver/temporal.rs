@@ -4,8 +4,7 @@
 
 use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::motion::{Spread, length};
-use vrtm_testkit::roughness;
+use vrtm_testkit::roughness::{self, Spread};
 use vrtm_testkit::scenes::{analytic, arm, creature};
 use vrtm_testkit::{self, Model, bits, gpu, long, on_all_cores};
 
@@ -76,7 +75,7 @@ fn figures(stateless: &[Warp], (warps, strain, ms): (Vec<Warp>, f64, f32)) -> Fi
         let at = |n: usize| {
             [0, 1].map(|c| f64::from(w[2][n][c]) - 2.0 * f64::from(w[1][n][c]) + f64::from(w[0][n][c]))
         };
-        Spread::of((0..w[0].len()).map(|n| (n, length(&at(n))))).rms.powi(2)
+        Spread::of((0..w[0].len()).map(|n| at(n)[0].hypot(at(n)[1]))).rms.powi(2)
     });
     let jitter = (second.sum::<f64>() / (moving.len() - 2) as f64).sqrt();
     // The mean speed of the stateless results over the last eight frames of the motion.
@@ -125,8 +124,10 @@ fn jitter_falls_and_lag_grows_with_the_weight() {
             );
         }
         let (free, held) = (&rows[0], &rows[weights.iter().position(|&weight| weight == WEIGHT).unwrap()]);
-        // Measured: at most 0.73, 1.7 frames, and less than 5 %.
-        let good = held.jitter <= (0.85 * free.jitter).max(SMOOTH)
+        // Warm solves keep the bar of `roughness`, or are about as rough as stateless ones. Of held ones, at most 0.73,
+        // 1.7 frames, and less than 5 % were measured.
+        let good = free.jitter <= (1.5 * stateless.jitter).max(0.01)
+            && held.jitter <= (0.85 * free.jitter).max(SMOOTH)
             && held.lag - free.lag <= 2.5
             && held.strain <= 1.05 * free.strain;
         if !good {

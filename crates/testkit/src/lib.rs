@@ -21,7 +21,6 @@ pub mod files;
 pub mod gpu;
 pub mod warp;
 pub mod refined;
-pub mod motion;
 pub mod roughness;
 pub mod sixteen;
 pub mod features;

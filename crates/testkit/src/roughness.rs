@@ -6,7 +6,6 @@ use crate::asset::Lab as _;
 use vrtm::{Asset, SolveOptions, Strided};
 
 use crate::model::Model;
-use crate::motion::Spread;
 use crate::random::splitmix;
 
 /// Poses along a motion from rest to a frame: 0.92, 0.925 ... 0.955 of the way.
@@ -24,33 +23,36 @@ const LARGE: f64 = 0.1;
 /// Displacements of the nodes, in cells.
 type Warp = Vec<[f64; 2]>;
 
+/// Size of values: the root of the mean square, the bound of 99.9 %, and the largest.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spread {
+    pub rms: f64,
+    pub p999: f64,
+    pub max: f64,
+}
+
+impl Spread {
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Spread {
+        let mut values: Vec<f64> = values.into_iter().collect();
+        values.sort_unstable_by(f64::total_cmp);
+        let Some(&max) = values.last() else { return Spread::default() };
+        let rms = (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
+        Spread { rms, p999: values[values.len() - 1 - values.len() / 1000], max }
+    }
+}
+
 /// The roughness of one tile's warp near one frame. Lengths are in cells, the larger component of each; nodes that do
 /// not move are left out.
 #[derive(Clone, Debug, Default)]
 pub struct Roughness {
-    /// RMS strain of rigid features on the mesh, in the frame itself.
-    pub strain: f64,
-    /// Energy in the frame itself.
-    pub energy: f64,
-    pub smoothness: Smoothness,
-    /// The change of W that 99.9 % of the nodes stay under when the frame gets noise: the median over five seeds.
-    pub noise: f64,
-    /// Milliseconds of the solve of the frame, the shortest of those with noise.
-    pub ms: f64,
-}
-
-/// Smoothness of warps from pose to pose.
-#[derive(Clone, Debug, Default)]
-pub struct Smoothness {
-    /// RMS of the first difference W(t + dt) - W(t).
-    pub first: f64,
     /// RMS of the second difference W(t + dt) - 2 W(t) + W(t - dt).
     pub second: f64,
     /// Fraction of the second differences that are over 0.1.
     pub large: f64,
-    /// The largest second difference, and its node and time step.
+    /// The largest second difference.
     pub largest: f64,
-    pub largest_at: (usize, usize),
+    /// The change of W that 99.9 % of the nodes stay under when the frame gets noise: the median over five seeds.
+    pub noise: f64,
 }
 
 impl Roughness {
@@ -62,26 +64,24 @@ impl Roughness {
         frame: usize,
         options: &SolveOptions,
     ) -> Roughness {
-        let mut solve = |pose: &[[f64; 3]], measure: bool| {
-            asset.solve(Strided::from_slice(pose), &SolveOptions { measure, ..*options }).unwrap();
-            let report = asset.tile(tile).report().unwrap();
-            (warp(asset, tile), report)
+        let mut solve = |pose: &[[f64; 3]]| {
+            asset.solve(Strided::from_slice(pose), options).unwrap();
+            warp(asset, tile)
         };
-        let warps: Vec<_> = poses(model, frame).iter().map(|pose| solve(pose, false).0).collect();
-        let mut result = Roughness { smoothness: Smoothness::of(&warps), ..Roughness::default() };
+        let warps: Vec<_> = poses(model, frame).iter().map(|pose| solve(pose)).collect();
         let frame = way(model, frame, 1.0);
-        let (base, report) = solve(&frame, true);
-        result.strain = report.strain.as_ref().map_or(f64::NAN, |strain| f64::from(strain.after.rms));
-        result.energy = report.energy;
-        result.ms = f64::INFINITY;
-        let mut noise = Vec::new();
-        for seed in 0..SEEDS {
-            let (warp, report) = solve(&with_noise(&frame, seed), false);
-            result.ms = result.ms.min(f64::from(report.times.total));
-            noise.push(percentile_999(&base, &warp));
-        }
+        let base = solve(&frame);
+        let of_seed = |seed| percentile_999(&base, &solve(&with_noise(&frame, seed)));
+        let mut noise: Vec<f64> = (0..SEEDS).map(of_seed).collect();
         noise.sort_by(f64::total_cmp);
-        result.noise = noise[noise.len() / 2];
+        let mut result = Roughness { noise: noise[noise.len() / 2], ..Roughness::default() };
+        let moving = moving(&warps);
+        let all: Vec<f64> =
+            warps.windows(3).flat_map(|w| moving.iter().map(|&n| second_difference(w, n))).collect();
+        let count = all.len().max(1) as f64;
+        result.second = (all.iter().map(|d| d * d).sum::<f64>() / count).sqrt();
+        result.large = all.iter().filter(|d| **d > LARGE).count() as f64 / count;
+        result.largest = all.iter().copied().fold(0.0, f64::max);
         result
     }
 }
@@ -117,38 +117,10 @@ pub fn moving(warps: &[Warp]) -> Vec<usize> {
     (0..warps[0].len()).filter(|&n| warps.iter().any(|warp| warp[n] != [0.0; 2])).collect()
 }
 
-impl Smoothness {
-    pub fn of(warps: &[Warp]) -> Smoothness {
-        let moving = moving(warps);
-        let mut result = Smoothness::default();
-        let (mut first, mut second, mut large) = (0.0, 0.0, 0usize);
-        for pair in warps.windows(2) {
-            let d = |n: usize| larger_component([0, 1].map(|c| pair[1][n][c] - pair[0][n][c]));
-            first += moving.iter().map(|&n| d(n).powi(2)).sum::<f64>();
-        }
-        for (step, w) in warps.windows(3).enumerate() {
-            for &n in &moving {
-                let d = second_difference(w, n);
-                second += d * d;
-                large += usize::from(d > LARGE);
-                if d > result.largest {
-                    result.largest = d;
-                    result.largest_at = (n, step + 1);
-                }
-            }
-        }
-        let count = |steps: usize| (steps * moving.len()).max(1) as f64;
-        result.first = (first / count(warps.len() - 1)).sqrt();
-        result.second = (second / count(warps.len() - 2)).sqrt();
-        result.large = large as f64 / count(warps.len() - 2);
-        result
-    }
-}
-
 /// The difference that 99.9 % of the nodes that move stay under.
 fn percentile_999(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     let moving = a.iter().zip(b).enumerate().filter(|(_, (a, b))| **a != [0.0; 2] || **b != [0.0; 2]);
-    Spread::of(moving.map(|(n, (a, b))| (n, larger_component([a[0] - b[0], a[1] - b[1]])))).p999
+    Spread::of(moving.map(|(_, (a, b))| larger_component([a[0] - b[0], a[1] - b[1]]))).p999
 }
 
 /// The points with Gaussian noise.

@@ -6,7 +6,7 @@ use std::fmt;
 
 use vrtm::{Asset, Device, DeviceSettings, Quality, Strided, TileReport};
 use vrtm_testkit::Lab as _;
-use vrtm_testkit::motion::Spread;
+use vrtm_testkit::roughness::Spread;
 use vrtm_testkit::{self, Model, bits, cpu, long, options};
 
 /// A solve that is done on both backends.
@@ -122,9 +122,9 @@ fn solve(model: &Model, pose: &[[f32; 3]], device: &Device, case: &Case) -> Asse
 /// Differences of the displacements of two results at the nodes that move, the larger component, in cells.
 fn displacement_differences(a: &Asset, b: &Asset, tile: usize) -> Spread {
     let [u, v] = [a, b].map(|asset| asset.displacements(tile).unwrap());
-    let both = u.iter().zip(&v).enumerate().filter(|(_, (u, v))| **u != [0.0; 2] || **v != [0.0; 2]);
+    let both = u.iter().zip(&v).filter(|(u, v)| **u != [0.0; 2] || **v != [0.0; 2]);
     let apart = |c: usize, u: &[f32; 2], v: &[f32; 2]| (f64::from(u[c]) - f64::from(v[c])).abs();
-    Spread::of(both.map(|(n, (u, v))| (n, apart(0, u, v).max(apart(1, u, v)))))
+    Spread::of(both.map(|(u, v)| apart(0, u, v).max(apart(1, u, v))))
 }
 
 /// Noise on a pose, as a fraction of its extent: two units of rounding (6e-8) of a coordinate of the extent's size.
