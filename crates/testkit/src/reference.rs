@@ -30,8 +30,6 @@ pub struct Minimum {
     pub u: Vec<[f64; 2]>,
     /// Its energy, over all charts.
     pub energy: f64,
-    /// Energy of each chart of the tile; 0 for charts without movable nodes.
-    pub per_chart: Vec<f64>,
     /// Norm of the gradient over all charts, projected onto the active bounds.
     pub gradient_norm: f64,
     /// This norm at the identity.
@@ -80,15 +78,10 @@ impl<'a> Problem<'a> {
 
     /// The energy of a warp, over all charts.
     pub fn energy(&self, u: &[[f64; 2]]) -> f64 {
-        (0..self.tile.charts.len()).map(|c| self.energy_of_chart(c, u)).sum()
-    }
-
-    /// The energy of one chart; 0 for a chart without movable nodes.
-    pub fn energy_of_chart(&self, chart: usize, u: &[[f64; 2]]) -> f64 {
-        let Some(problem) = &self.charts[chart] else { return 0.0 };
         let surface = self.surface(1.0);
         let shape = Shape { locator: &self.locator, surface: &surface };
-        problem.state(&shape, self.window(problem, u)).energy
+        let charts = self.charts.iter().flatten();
+        charts.map(|chart| chart.state(&shape, self.window(chart, u)).energy).sum()
     }
 
     /// The smallest corner Jacobian over all charts, at most 1; 1 without movable nodes.
@@ -102,7 +95,6 @@ impl<'a> Problem<'a> {
         let mut out = Minimum {
             u: vec![[0.0; 2]; (self.nx + 1) * (self.ny + 1)],
             energy: 0.0,
-            per_chart: vec![0.0; self.tile.charts.len()],
             gradient_norm: 0.0,
             initial_gradient_norm: 0.0,
             corrections: 0,
@@ -121,7 +113,6 @@ impl<'a> Problem<'a> {
                 out.u[j * (self.nx + 1) + i] = found.u[n as usize].into();
             }
             out.energy += found.energy;
-            out.per_chart[c] = found.energy;
             out.gradient_norm = out.gradient_norm.hypot(found.gradient);
             out.initial_gradient_norm = out.initial_gradient_norm.hypot(found.initial_gradient);
             out.corrections += found.corrections;
