@@ -14,7 +14,10 @@ fn its_energies_tell_what_it_gains_on_level_0() {
             let frame = model.frames.len().min(5);
             let asset = model.solved(&device, grid, frame, &options(Quality::Draft));
             let report = asset.tile(0).report().unwrap();
-            let [identity, result] = asset.energies_on_level_0(0, model.frame(frame)).unwrap();
+            let u: Vec<_> = asset.displacements(0).unwrap().iter().map(|u| u.map(f64::from)).collect();
+            let rest = vec![[0.0; 2]; u.len()];
+            let [identity, result] =
+                [&rest, &u].map(|u| asset.reference_energy(0, model.frame(frame), u).unwrap());
             let (reported, exact) = (report.energy / report.energy_before, result / identity);
             println!(
                 "{:?} {name} {grid}: {reported:.4} reported, {exact:.4} on level 0",

@@ -5,12 +5,8 @@ use std::ops::Range;
 use vrtm::Asset;
 use vrtm_core::error::Result;
 use vrtm_core::grid::planes::{NODES, SIDE, slot};
-use vrtm_core::grid::pose::Pose;
 use vrtm_core::mesh::{Chart, FacePoint, Triangle};
-use vrtm_core::method::plan::{ChartResult, Input, Purpose};
-use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::view::Strided;
-use vrtm_cpu as cpu;
 
 use crate::reference::minimise::Options;
 use crate::reference::{Minimum, Problem};
@@ -68,13 +64,6 @@ pub trait Lab {
     /// # Errors
     /// `InvalidArgument` for a pose that does not fit the mesh.
     fn reference_energy(&self, tile: usize, positions: Strided, u: &[[f64; 2]]) -> Result<f64>;
-
-    /// The energies of the identity and of the last result on level 0, in f32 as the CPU computes them. The report has
-    /// those of a coarser level where work has ended there.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve.
-    fn energies_on_level_0(&self, tile: usize, positions: Strided) -> Result<[f64; 2]>;
 
     /// The reference's minimum for a pose, descending from `start` (and, if `thorough`, from the identity too).
     ///
@@ -143,42 +132,6 @@ impl Lab for Asset {
         let pose = gather(positions);
         let inside = self.tile_inside(tile, &positions)?;
         Ok(Problem::new(inside.mesh, &inside.tile, inside.maps, &pose)?.energy(u))
-    }
-
-    fn energies_on_level_0(&self, tile: usize, positions: Strided) -> Result<[f64; 2]> {
-        let result = self.result_inside(tile)?;
-        let grid = result.grid();
-        let anchor = result.displacements()?;
-        let inside = self.tile_inside(tile, &positions)?;
-        let mesh = result.extended().unwrap_or(&inside.tile);
-        let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
-        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collect();
-        let input = Input {
-            grid,
-            mesh,
-            pose: &pose,
-            settings: &inside.maps.settings,
-            // The stages below do not compute it.
-            harm: 0.0,
-            multipliers: &[],
-            charts: &charts,
-            continuation: 1.0,
-            pull: 0.0,
-        };
-        let mut memory = cpu::Memory::new(grid, Purpose::default());
-        let mut warp = vec![[[0.0; NODES]; 2]; anchor.len()];
-        Ok(self.device().team(|team| {
-            let mut run = cpu::Run::new(team, &input, &mut memory, &mut warp, anchor);
-            for stage in [
-                Stage::Surface,
-                Stage::Start { level: 0, from: Start::Previous },
-                Stage::Certify { allow_folds: true },
-            ] {
-                run.run(&stage);
-            }
-            let sum = |of: fn(&ChartResult) -> f64| run.results.iter().map(of).sum();
-            [sum(|chart| chart.energy_before), sum(|chart| chart.energy)]
-        }))
     }
 
     fn reference_minimum(
