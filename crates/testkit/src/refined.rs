@@ -1,6 +1,5 @@
 //! A refined mesh as a host fetches it, and checks of it that share no code with the library.
 
-pub mod strain;
 pub mod truth;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -3,7 +3,7 @@
 
 use vrtm::{Asset, ErrorKind, RefinementPattern, RefinementSettings, SolveOptions, Strided};
 use vrtm_testkit::Model;
-use vrtm_testkit::refined::{Refined, strain, truth};
+use vrtm_testkit::refined::{Refined, truth};
 
 /// Room for the rounding of maps and corner UVs, f32 both, in UV.
 const ROUNDING: f64 = 1e-6;
@@ -326,41 +326,4 @@ fn it_outlives_the_asset() {
     assert!(Refined::of(&refinement) == before);
     refinement.extend().unwrap();
     assert!(Refined::of(&refinement) == before);
-}
-
-/// The table of method §14.
-#[test]
-fn strain_comes_down_to_that_by_the_map() {
-    for model in vrtm_testkit::assets() {
-        let frame = match &*model.name {
-            "mh_face" => 1,
-            "fox" => 3,
-            "spot" | "cesium_man" => 2,
-            _ => continue,
-        };
-        let asset = solved(&model, 512, frame);
-        let warp = vrtm_testkit::Warp::of(&asset, 0);
-        let measured = strain::Measured::new(&model, frame, &asset, &warp);
-        let (before, corners) = (measured.before(), measured.by_corners());
-        let map = measured.by_map(&warp);
-        let one = RefinementSettings { max_triangles: Some(1), ..with(1.0) };
-        let own = asset.refine(&one).unwrap().info().triangles;
-        println!("{}: before {before:.4}, corner UVs {corners:.4} on {own} triangles", model.name);
-        let mut last = corners;
-        for texels in [256.0, 512.0, 1024.0, 2048.0] {
-            let refinement = asset.refine(&with(0.5 / texels)).unwrap();
-            let refined = Refined::of(&refinement);
-            let (info, rms) = (refinement.info(), measured.by_refined(&refined));
-            println!(
-                "  half a texel of {texels}: {rms:.4}, {} triangles, {:.0} ms, {} bytes",
-                info.triangles, info.ms, info.bytes
-            );
-            assert!(rms < 1.02 * last, "{}: {rms} after {last}", model.name);
-            last = rms;
-        }
-        println!("  map {map:.4}");
-        assert!(corners < before && map < corners);
-        // At the finest tolerance hardly anything is lost of what the map recovers.
-        assert!(last - map < 0.1 * (corners - map), "{}: {last}, by the map {map}", model.name);
-    }
 }
