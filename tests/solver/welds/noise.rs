@@ -15,41 +15,6 @@ fn ulp(c: usize, x: f32) -> f32 {
     }
 }
 
-/// Applies `f` inside of the sheet. Its rim lies on lines of the grid: moved by a step, it would cover other nodes.
-fn inside(f: impl Fn(usize, f32) -> f32) -> impl Fn(usize, f32) -> f32 {
-    move |c, x| if x > 0.0 && x < 1.0 { f(c, x) } else { x }
-}
-
-#[test]
-fn uvs_of_a_vertex_that_differ_by_rounding_are_one() {
-    let device = cpu(0);
-    let model = sheet(QUADS);
-    let exact = energy(&solved(&model, &device));
-    let scaled = |c: usize, x: f32| ulp(c, x * 0.93 + 0.011);
-    let half = |c: usize, x: f32| half::f16::from_f32(scaled(c, x) + (c % 2) as f32 * 1e-5).to_f32();
-    let text = |c: usize, x: f32| format!("{:.6}", scaled(c, x)).parse().unwrap();
-    // The UVs of half of the corners went through another transform: a shift there and back.
-    let moved = |c: usize, x: f32| if c.is_multiple_of(2) { (x + 3.7) * 0.1 * 10.0 - 3.7 } else { x };
-    // Scaled UVs have other discs in other places of the surface: those are compared with the same ones, unrounded.
-    let exact_scaled = energy(&solved(&with_uvs(&model, |_, x| x * 0.93 + 0.011), &device));
-    let noisy = [
-        ("one ulp", with_uvs(&model, inside(ulp)), exact, 1e-4),
-        ("a transform", with_uvs(&model, inside(moved)), exact, 1e-4),
-        // A step of half floats is an eighth of a cell here, and moves the chart's rim over nodes.
-        ("half floats", with_uvs(&model, half), exact_scaled, 0.05),
-        ("six digits", with_uvs(&model, text), exact_scaled, 1e-3),
-    ];
-    for (name, noisy, exact, tolerance) in noisy {
-        let off = Model { weld: by(WeldBy::Off), ..noisy.clone() }.asset_on(&device, GRID as u32).info();
-        let asset = solved(&noisy, &device);
-        println!("{name}: {} charts, {} if welded exactly", asset.info().charts, off.charts);
-        assert_eq!(asset.info().charts, 1, "{name}");
-        assert!(off.charts > 1 && off.edges_apart > 0, "{name} tests nothing");
-        println!("    E {:?}, of exact UVs {exact:?}", energy(&asset));
-        assert_near(energy(&asset), exact, tolerance, name);
-    }
-}
-
 #[test]
 fn vertices_an_ulp_apart_are_one_by_position() {
     let device = cpu(0);
