@@ -3,8 +3,9 @@
 
 mod stacks;
 
-use stacks::{DEPTH, GRID, Island, Random, SIDE, Stack};
+use stacks::{DEPTH, GRID, Island, SIDE, Stack};
 use vrtm::{Asset, ErrorKind, FetchKind, Seams, SolveOptions, StrainReport, TileSettings};
+use vrtm_testkit::random::Random;
 use vrtm_testkit::{
     self, Model, bits, change_all, corner_uvs, cpu, cross, fetch, long, on_all_cores, quads, scenes, view,
 };
@@ -122,7 +123,7 @@ fn random_stacks_are_solved_as_if_each_island_were_alone() {
 fn mirrored() -> Stack {
     let half = Island { origin: [0.1, 0.1], sides: [[0.8, 0.0], [0.0, 0.8]] };
     let other = Island { sides: [half.sides[1], half.sides[0]], ..half };
-    Stack::of(vec![half, other], &mut Random::new(7))
+    Stack::of(vec![half, other], &mut Random(7))
 }
 
 #[test]
@@ -192,7 +193,7 @@ fn layers_share_maps_and_settings() {
 #[test]
 fn as_many_layers_as_are_allowed() {
     let island = Island { origin: [0.2, 0.2], sides: [[0.6, 0.0], [0.0, 0.6]] };
-    let stack = Stack::of(vec![island; 30], &mut Random::new(3));
+    let stack = Stack::of(vec![island; 30], &mut Random(3));
     let device = cpu(2);
     let mut asset = stack.asset(&device, MOST, None);
     assert_eq!(layers(&stack, &asset), (0..30).collect::<Vec<u32>>());

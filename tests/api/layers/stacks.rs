@@ -4,6 +4,7 @@
 
 use vrtm::{Asset, Device, MeshSource, Strided, TileSettings, UvSource};
 
+use vrtm_testkit::random::Random;
 use vrtm_testkit::{quads, view};
 
 /// Squares along a side of an island.
@@ -15,30 +16,6 @@ const MAP: u32 = 64;
 /// Charts that overlap by less than this, in UV, are neighbours (the library's documented value).
 pub const DEPTH: f64 = 1.0 / 4096.0;
 
-/// Random numbers that are the same everywhere (xorshift).
-pub struct Random(u64);
-
-impl Random {
-    pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
-    }
-
-    pub fn bits(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    pub fn in_range(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.bits() >> 11) as f64 / (1u64 << 53) as f64)
-    }
-
-    pub fn below(&mut self, count: usize) -> usize {
-        (self.bits() % count as u64) as usize
-    }
-}
-
 /// An island: the UV of its corner (0, 0), and its sides.
 #[derive(Clone, Copy, Debug)]
 pub struct Island {
@@ -48,7 +25,7 @@ pub struct Island {
 
 impl Island {
     fn random(random: &mut Random) -> Island {
-        let (size, angle) = (random.in_range(0.1, 0.5), random.in_range(0.0, std::f64::consts::TAU));
+        let (size, angle) = (random.between(0.1, 0.5), random.between(0.0, std::f64::consts::TAU));
         let (s, c) = angle.sin_cos();
         let mirror = if random.below(2) == 0 { 1.0 } else { -1.0 };
         let sides = [[size * c, size * s], [-size * s * mirror, size * c * mirror]];
@@ -58,7 +35,7 @@ impl Island {
         };
         let origin = [0, 1].map(|axis| {
             let (low, high) = span(axis);
-            random.in_range(0.01 - low, 0.99 - high)
+            random.between(0.01 - low, 0.99 - high)
         });
         Island { origin, sides }
     }
@@ -111,7 +88,7 @@ pub struct Stack {
 
 impl Stack {
     pub fn random(seed: u64) -> Stack {
-        let mut random = Random::new(seed);
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let count = 2 + random.below(6);
         let mut islands: Vec<Island> = (0..count).map(|_| Island::random(&mut random)).collect();
         // Some lie exactly over others, as mirrored halves and copies do.
@@ -131,7 +108,7 @@ impl Stack {
         let (mut rest, mut pose, mut uvs, mut indices) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (k, island) in islands.iter().enumerate() {
             let first = rest.len();
-            let waves: [f64; 6] = std::array::from_fn(|_| random.in_range(-1.0, 1.0));
+            let waves: [f64; 6] = std::array::from_fn(|_| random.between(-1.0, 1.0));
             for j in 0..=SIDE {
                 for i in 0..=SIDE {
                     let [s, t] = [i, j].map(|n| n as f64 / SIDE as f64);
@@ -151,8 +128,8 @@ impl Stack {
         let size = MAP as usize;
         let mut rigidity = vec![0; size * size];
         for _ in 0..8 {
-            let [u, v] = [0, 1].map(|_| random.in_range(0.0, 1.0));
-            let radius = random.in_range(0.03, 0.09);
+            let [u, v] = [0, 1].map(|_| random.between(0.0, 1.0));
+            let radius = random.between(0.03, 0.09);
             for (n, texel) in rigidity.iter_mut().enumerate() {
                 let [x, y] = [n % size, n / size].map(|k| (k as f64 + 0.5) / f64::from(MAP));
                 if (x - u).hypot(y - v) < radius {
