@@ -1,7 +1,7 @@
 //! Time that other programs and tests do not lengthen.
 
-/// The result of a function, and the seconds that the calling thread's processor took for it: where systems do not tell,
-/// those of a clock. Devices of one thread solve and prepare on the calling thread.
+/// The result of a function, and the seconds that the calling thread's processor took for it; where systems do not
+/// tell, those of a clock. Devices of one thread solve and prepare on the calling thread.
 pub fn seconds<R>(f: impl FnOnce() -> R) -> (f64, R) {
     let start = now();
     let result = f();
