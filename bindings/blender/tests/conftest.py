@@ -2,8 +2,7 @@
 which Blender's module is told of before it is imported.
 
 Variables: VRTM_WHEEL, the wheel of the Python package to be packed. Without it that in CARGO_TARGET_DIR (target) is
-taken, where tests/python/run.sh puts it, or else pip builds one. Within a whole Blender VRTM_ARCHIVE is the archive
-that is installed.
+taken, where tests/python/run.sh puts it, or else pip builds one.
 """
 
 from __future__ import annotations
@@ -46,11 +45,6 @@ def run(what: str, *command: str) -> None:
 
 
 def pytest_configure() -> None:
-    if "bpy" in sys.modules:
-        # Within a whole Blender, which has chosen its folders already.
-        sys.argv[1:] = [os.environ["VRTM_ARCHIVE"]]
-        exec(INSTALL, {})
-        return
     # Blender's module is looked for, and not imported yet: it reads the variable when it is.
     if importlib.util.find_spec("bpy") is None:
         return

@@ -162,31 +162,6 @@ def check_walk():
     press("mousemove", "110", "779", "click", "1")
     yield 3
     obj.vrtm.rigidity_image = rigidity
-    # Status, the last panel.
-    properties = area("PROPERTIES")
-    press("mousemove", str(properties.x + 150), "600")
-    press(*["click", "5"] * 30)
-    yield from solved(obj)
-    yield 2
-    picture("3_status")
-    obj.vrtm.rigidity_channel = "A"
-    yield from solved(obj)
-    assert "All is rigid" in " ".join(line.text for line in part("status").notes(obj, window().scene))
-    obj.vrtm.rigidity_channel = "R"
-    yield from solved(obj)
-    area("VIEW_3D").spaces.active.shading.type = "SOLID"
-    for strain in ("BEFORE", "AFTER"):
-        obj.vrtm.strain = strain
-        yield from solved(obj)
-        yield 1
-        picture(f"4_strain_{strain.lower()}")
-    obj.vrtm.strain = "NONE"
-    yield 1
-    picture("5_strain_off")
-    with at("VIEW_3D"):
-        bpy.ops.vrtm.paint("INVOKE_DEFAULT")
-    yield 2
-    picture("6_paint")
 
 
 def check_eevee():

@@ -1,17 +1,12 @@
 #!/bin/sh
 # Within setup.sh's Debian: a screen in memory, a window manager, and Blender in a window that fills the screen, with one
-# check; or the suite, which takes no window.
+# check.
 here=/vrtm/bindings/blender
 export BLENDER_USER_RESOURCES=/tmp/vrtm-blender PYTHONDONTWRITEBYTECODE=1
 rm -rf "$BLENDER_USER_RESOURCES" /tmp/display
 run() {
     blender --factory-startup --python-exit-code 1 "$@"
 }
-if [ "$1" = suite ]; then
-    export VRTM_ARCHIVE=/out/vrtm.zip
-    run --background --python $here/tests/window/suite.py
-    exit
-fi
 mkdir -p /tmp/.X11-unix
 mkfifo /tmp/display
 Xvfb -displayfd 3 -screen 0 1600x1000x24 +extension GLX -nolisten tcp 3>/tmp/display &

@@ -2,7 +2,7 @@
 # Runs the add-on in Blender's window, which is drawn into memory by Mesa's software driver: those in checks.py,
 # each in a Blender of its own. Ends with how many passed, as cargo's tests do; the exit code is 0 if none failed.
 #
-#     run.sh [CHECK...]          # all checks, or those whose names are given; "suite" is the tests of ../ in this Blender
+#     run.sh [CHECK...]          # all checks, or those whose names are given
 #
 # Variables: VRTM_BLENDER_WINDOW, the folder of setup.sh's Debian (target/blender-window); VRTM_WHEEL, the wheel of the
 # Python package (the newest in target/python); VRTM_PICTURES, a folder for screenshots; VRTM_REQUIRE_WINDOW=1: what would
@@ -41,7 +41,7 @@ python3 "$repository/bindings/blender/build.py" --wheel "$wheel" --out "$out" >"
     finish 0 1 0
 }
 mv "$out"/vrtm-*.zip "$out/vrtm.zip"
-names=${*:-suite $(sed -n 's/^def check_\([a-z_]*\).*/\1/p' "$here/checks.py")}
+names=${*:-$(sed -n 's/^def check_\([a-z_]*\).*/\1/p' "$here/checks.py")}
 passed=0 failed=0
 for name in $names; do
     start=$(date +%s)
