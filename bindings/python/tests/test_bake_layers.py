@@ -190,13 +190,6 @@ def test_layers_of_a_refined_mesh_are_those_of_its_cage(tmp_path: Path) -> None:
     assert np.array_equal(np.repeat(layers, 16), solved(scene, 1, 2).face_layers())
 
 
-def test_seams_may_go_on_in_layers(tmp_path: Path) -> None:
-    scene = mirrored(tmp_path / "shot", frames=1)
-    run(*arguments(scene, tmp_path / "maps", "--seams", "continue", "--layer", ""))
-    copies = [pixels(tmp_path / "maps" / f"colour{mark}.0001.1001.png") for mark in ("", "_layer1")]
-    assert not np.array_equal(*copies)
-
-
 @pytest.mark.parametrize(
     ("settings", "overlapped", "layers", "told"),
     [
@@ -270,6 +263,10 @@ def test_maps_hold_uvs_of_the_other_set(unique: Path, tmp_path: Path, form: str)
         kind = "uv_set" if form == "udim" else "uv_set_delta"
         assert np.array_equal(pixels(path), asset.tile(udim).fetch(kind, SIZE, channels=3, uv_set=1))
         assert attributes(path)["vrtm:texture_uv"] == "st"
+    # The first half lies to the right of the middle there, half as wide.
+    own = asset.tile(1001).fetch("redirection", SIZE, channels=4)[:, SIZE // 2 :]
+    led = asset.tile(1001).fetch("uv_set", SIZE, uv_set=1)[:, SIZE // 2 :]
+    assert np.abs(led - own[..., :2] * [2, 1] + [1, 0])[own[..., 3] > 0].max() < 1e-5
     assert "0 files written, 2 up to date" in run(*given).stdout
     # The map is looked up by the set that it was solved in, and takes the place of the other.
     stage = composed(unique, tmp_path / "over.usda")
