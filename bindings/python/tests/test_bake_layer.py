@@ -16,23 +16,6 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return with_material(tmp_path_factory.mktemp("sheet"), preview_material, 5, 8)
 
 
-@pytest.mark.parametrize("mode", ["texture", "primvar"])
-def test_a_layer_goes_over_the_shot(scene: Path, tmp_path: Path, mode: str) -> None:
-    layer = tmp_path / "shot" / "redirect.usda"
-    layer.parent.mkdir()
-    options = ("--form", "udim", "--layer", layer, "--layer-mode", mode, "--seams", "shut")
-    run(*sheet_arguments(scene, tmp_path / "maps", *options, "--texture", scene.parent / "colour.<UDIM>.png"))
-    assert check_layer(layer, scene) == []
-    over = Usd.Stage.Open(str(layer))
-    over.GetRootLayer().subLayerPaths = [str(scene)]
-    primvar = UsdGeom.PrimvarsAPI(over.GetPrimAtPath("/model/sheet")).GetPrimvar("st_redirected")
-    assert bool(primvar) == (mode != "texture")
-    if mode == "texture":
-        assert "colour.0003.<UDIM>.png" in layer.read_text()
-    for frame in (1, 4) if primvar else ():
-        assert np.array_equal(np.array(primvar.Get(frame)), solved_alone(scene, frame).corner_uvs())
-
-
 def test_corner_uvs_are_up_to_date_or_made_anew(scene: Path, tmp_path: Path) -> None:
     layer = tmp_path / "redirect.usda"
     options = ("--form", "udim", "--layer", layer, "--layer-mode", "primvar", "--frames", "1-2")
