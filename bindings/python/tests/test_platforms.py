@@ -1,11 +1,9 @@
 """Wheels: for the platform of their library, on whichever system they are made; and their description."""
 
-import json
 import os
 import struct
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -86,38 +84,6 @@ def test_the_tag_is_the_library_s(tmp_path, data, wanted, here, expected):
 def test_a_library_for_another_platform_is_refused(tmp_path, data, wanted, text):
     with pytest.raises(SystemExit, match=text):
         tag(tmp_path, data, wanted)
-
-
-def test_a_wheel_for_another_system(tmp_path):
-    """A script stands in for cargo. The wheel has the licences, the library no path of this machine."""
-    path = tmp_path / "vrtm.dll"
-    path.write_bytes(DLL)
-    made = {"reason": "compiler-artifact", "target": {"name": "vrtm"}, "filenames": [str(path)]}
-    cargo = tmp_path / "cargo"
-    cargo.write_text(f"#!/bin/sh\necho \"$*\" >'{tmp_path}/arguments'\necho '{json.dumps(made)}'\n")
-    cargo.chmod(0o755)
-    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
-    for name in ("VRTM_LIBRARY", "VRTM_WHEEL_PLATFORM"):
-        environment.pop(name, None)
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
-    built = subprocess.run(
-        [*command, "--wheel-dir", str(tmp_path), str(PACKAGE)], capture_output=True, text=True, env=environment
-    )
-    assert built.returncode == 0, built.stdout + built.stderr
-    arguments = (tmp_path / "arguments").read_text()
-    assert f"--remap-path-prefix={PACKAGE.parents[1]}=/vrtm" in arguments and "=/cargo" in arguments
-    (wheel,) = tmp_path.glob("*.whl")
-    assert wheel.stem.endswith("-py3-none-win_amd64")
-    with zipfile.ZipFile(wheel) as archive:
-        libraries = [entry for entry in archive.namelist() if ".dll" in entry or ".so" in entry or ".dylib" in entry]
-        assert libraries == ["vrtm/vrtm.dll"]
-        assert archive.read("vrtm/vrtm.dll") == DLL
-        about = next(entry for entry in archive.namelist() if entry.endswith(".dist-info/WHEEL"))
-        licences = [entry.rpartition("/")[2] for entry in archive.namelist() if "dist-info/licenses/" in entry]
-        assert sorted(licences) == ["LICENSE-APACHE", "LICENSE-MIT", "THIRD-PARTY.txt"]
-        lines = archive.read(about).decode().splitlines()
-    assert "Tag: py3-none-win_amd64" in lines
-    assert "Root-Is-Purelib: false" in lines
 
 
 def test_a_library_that_does_not_load_is_named(tmp_path):
