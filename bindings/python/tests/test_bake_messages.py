@@ -171,16 +171,6 @@ def test_help_has_the_usual_options_first() -> None:
     assert len(options) > 80 and all(text.endswith((".", ")", "'")) for text in options), options
 
 
-def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatch) -> None:
-    # However long a frame takes here.
-    monkeypatch.setattr("vrtm.bake.run._START", 1e9)
-    told = run(*sheet_arguments(scene, tmp_path / "out", "--verbose")).stdout
-    assert [line for line in told.splitlines() if " at a time" in line] == [
-        "1 frame, 1 at a time, on all threads each",
-        "4 frames, 1 at a time, on all threads each",
-    ]
-
-
 @pytest.fixture(scope="module")
 def stacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two meshes that are stretched, of two quadrilaterals each: one's lie over the same UVs, the other's side by side.
