@@ -1,7 +1,7 @@
 """The life of objects and files: undo, saving and loading, deleting, renaming, duplicates, modifiers, edits, and the
 extension being switched off and on."""
 
-from support import EXTENSION, Arm, Case, bpy, in_file, part, pixels, poll_until
+from support import EXTENSION, Arm, Case, bpy, part, poll_until
 
 
 class Life(Case):
@@ -52,24 +52,6 @@ class Life(Case):
         bpy.ops.ed.undo()
         arm.find()
         self.idle()
-        self.check(arm)
-
-    def test_save_and_load(self):
-        arm = self.solved(tiles=2)
-        expected, settings = pixels(arm.object.vrtm.image), arm.object.vrtm
-        settings.quality, settings.live = "draft", True
-        settings.quality = "normal"
-        arm.object.vrtm.rigidity_image.pack()
-        asset = part("states").find_state(arm.object).asset
-        obj = self.reopened()
-        self.assertEqual(part("states").known, {})
-        self.assertTrue(asset.closed)
-        self.assertEqual((obj.vrtm.live, obj.vrtm.rigidity_image.name), (True, "rigidity"))
-        # What was shown is in the file.
-        self.assertSame(pixels(obj.vrtm.image), in_file(expected))
-        self.assertFalse(obj.vrtm.image.is_dirty)
-        arm.find()
-        bpy.context.scene.frame_set(3)
         self.check(arm)
 
     def test_a_file_is_loaded_while_a_job_runs(self):
