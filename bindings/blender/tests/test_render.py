@@ -253,17 +253,6 @@ class Render(Scene):
         self.assertEqual(source(mapping), coordinates)
         self.assertFalse([node for node in tree.nodes if part("nodes").is_ours(node)])
 
-    def test_a_material_that_others_use_is_copied(self):
-        arm = self.arm()
-        material = arm.object.data.materials[0]
-        copy = arm.object.copy()
-        bpy.context.collection.objects.link(copy)
-        select(copy)
-        bpy.ops.vrtm.set_up_material()
-        self.assertEqual(arm.object.material_slots[0].material, material)
-        self.assertNotEqual(copy.material_slots[0].material, material)
-        self.assertFalse([node for node in material.node_tree.nodes if part("nodes").is_ours(node)])
-
 
 def lookup(values, layout, u, v):
     """Bilinear, within the tile of each point, with the tile's outermost texels going on to its sides."""
