@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import tomllib
 import unittest
 import zipfile
 from pathlib import Path
@@ -45,16 +44,6 @@ class Build(unittest.TestCase):
         os.utime(wheel, (0, 0))
         self.assertEqual(first, build().pack(wheel))
         self.assertEqual(first[1], ARCHIVE.read_bytes())
-
-    def test_the_manifest_names_wheel_and_platform(self):
-        with zipfile.ZipFile(ARCHIVE) as archive:
-            found = tomllib.loads(archive.read("blender_manifest.toml").decode())
-            names = set(archive.namelist())
-        self.assertEqual(len(found["wheels"]), 1)
-        self.assertIn(found["wheels"][0].removeprefix("./"), names)
-        self.assertTrue(found["platforms"])
-        self.assertLessEqual({"LICENSE-MIT", "LICENSE-APACHE", "README.md", "__init__.py"}, names)
-        self.assertEqual(list(found["permissions"]), ["files"])
 
     def test_platforms(self):
         platforms_of = build().platforms_of
