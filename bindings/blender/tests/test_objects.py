@@ -30,29 +30,21 @@ class Objects(Case):
         self.assertEqual(len(self.groups(obj)), 1)
         self.assertEqual(settings.rigidity_image.name, "rigidity")
 
-    def test_one_click_with_materials_that_have_no_texture(self):
-        arm = self.arm()
+    def test_one_click_takes_what_is_there(self):
+        """A rigidity, and of materials those with a texture."""
+        arm, image = self.arm(), picture("arm Rigidity mask", studs(128))
         plain = bpy.data.materials.new("plain")
         nodes_of(plain)
         arm.mesh.materials.append(plain)
         self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
-        self.assertEqual(len(self.groups(arm.object)), 1)
+        self.assertEqual((len(self.groups(arm.object)), arm.object.vrtm.rigidity_image), (1, image))
         other = Arm("other")
-        other.mesh.materials.append(plain)
-        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
-        self.assertTrue(other.object.vrtm.live)
+        for _ in range(2):
+            self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
+            self.assertTrue(other.object.vrtm.live)
+            other.mesh.materials.append(plain)
         # A material that is this object's and another's was not copied for nothing.
         self.assertEqual(other.object.active_material, plain)
-
-    def test_one_click_takes_the_rigidity_that_is_there(self):
-        arm = self.arm()
-        image = picture("arm Rigidity mask", studs(128))
-        bpy.ops.vrtm.set_up()
-        self.assertEqual(arm.object.vrtm.rigidity_image, image)
-        # Without a material the rest is done.
-        other = Arm("other")
-        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
-        self.assertTrue(other.object.vrtm.live)
 
     def test_the_sample(self):
         obj = sample.make()
