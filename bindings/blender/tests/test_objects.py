@@ -1,7 +1,5 @@
 """An object as a whole: set up at one click, presets, duplicates, strength, and nothing left after Remove All."""
 
-import types
-
 import numpy as np
 
 import sample
@@ -178,13 +176,6 @@ class Objects(Case):
         other = self.arm("other")
         self.assertEqual(bpy.ops.vrtm.set_up(paint=True), {"FINISHED"})
         self.assertEqual(other.object.mode, "TEXTURE_PAINT")
-        # Where Blender's own brushes are not installed, none is chosen: a stand-in of the scene has none.
-        none = types.SimpleNamespace(brush=None)
-        scene = types.SimpleNamespace(tool_settings=types.SimpleNamespace(image_paint=none), frame_current=1)
-        lines = [line.text for line in part("status").notes(other.object, scene)]
-        self.assertEqual(sum("No brush is chosen" in text for text in lines), 1)
-        has_none = bpy.context.scene.tool_settings.image_paint.brush is None
-        self.assertEqual("No brush" in self.notes(other.object), has_none)
         bpy.ops.object.mode_set(mode="OBJECT")
         self.assertEqual(bpy.context.scene.tool_settings.image_paint.canvas, other.object.vrtm.rigidity_image)
         # Blender keeps other properties for the next press, as if the answer were one for good, and for all objects.

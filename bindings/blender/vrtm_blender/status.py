@@ -14,8 +14,6 @@ import numpy as np
 from . import borders, carry, dilate, geometry, keep, nodes, picture, result_image, results, states, tap
 from .features import Features
 
-NO_BRUSH = "No brush is chosen, so that strokes paint nothing: choose one below the 3D view (View > Asset Shelf)"
-
 
 @dataclass(frozen=True)
 class Line:
@@ -111,8 +109,6 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
         found.append(Line(state.message, "ERROR" if state.error else "INFO"))
     if not obj.vrtm.is_set_up:
         return found
-    if obj.mode == "TEXTURE_PAINT" and scene.tool_settings.image_paint.brush is None:
-        found.append(Line(NO_BRUSH, "ERROR"))
     # Also of a file that was just opened, in which nothing was solved yet.
     expected = (state is not None and state.shown) or settings.image is not None or nodes.groups_of(obj)
     lost = results.missing(obj) if expected else None

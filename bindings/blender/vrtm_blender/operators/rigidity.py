@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty
 
-from .. import geometry, keep, live, maps, packed, states, status, textures, versions
+from .. import geometry, keep, live, maps, packed, states, textures, versions
 from ..messages import Problem
 from ..session import library
 from .base import OnObject
@@ -166,8 +166,7 @@ def paint(context: bpy.types.Context, obj: bpy.types.Object) -> str:
         for of in (versions.unified_paint_settings(context.scene), settings.brush):
             if of is not None:
                 of.color, of.secondary_color = (1, 1, 1), (0, 0, 0)
-    lacking = f". {status.NO_BRUSH}" if settings.brush is None else ""
-    return f"{image.name!r} is painted on: white keeps its shape{lacking}"
+    return f"{image.name!r} is painted on: white keeps its shape"
 
 
 class VRTM_OT_pack_maps(OnObject, bpy.types.Operator):
