@@ -46,12 +46,8 @@ class Rigidity(Case):
         ):
             bpy.ops.vrtm.rigidity_from_texture(**options)
             self.assertGreater(overlap(self.painted(arm), expected), 0.9, options)
-        found = []
-        for options in ({}, {"grow": 2}, {"size": 64}):
-            bpy.ops.vrtm.rigidity_from_texture(by="bright", threshold=0.4, **options)
-            found.append(self.painted(arm))
-        self.assertTrue((found[1] >= found[0]).all() and found[1].sum() > found[0].sum() > 0)
-        self.assertEqual(found[2].shape, (64, 64))
+        bpy.ops.vrtm.rigidity_from_texture(by="bright", threshold=0.4, size=64)
+        self.assertEqual(self.painted(arm).shape, (64, 64))
         self.refused("no image 'nobody'", bpy.ops.vrtm.rigidity_from_texture, image="nobody")
         # And it is solved for.
         self.update(5)
@@ -102,7 +98,7 @@ class Rigidity(Case):
             (much, " % is rigid. Is it the skin", "CHECKMARK"),
             (most, " % is rigid, so that next to nothing can give way. Is it the skin", "INFO"),
         ):
-            given = types.SimpleNamespace(invert=False, smallest=3, grow=0)
+            given = types.SimpleNamespace(invert=False, smallest=3)
             found, told = of.made(given, {None: values}, dict)
             self.assertEqual("Is it the skin" in told, bool(asked), told)
             if asked.startswith("One"):
@@ -123,7 +119,7 @@ class Rigidity(Case):
         given = types.SimpleNamespace(**{name: getattr(cls, name) for name in names}, bl_rna=rna, layout=Layout(shown))
         given.tiles, given.own = (lambda source: {None: self.colours}), lambda: ("by", "colour")
         given.given = lambda obj: (None, lambda tiles: {1001: studs(128), 1002: studs(64)}, "")
-        given.made = lambda *tiles: cls.made(types.SimpleNamespace(invert=False, smallest=3, grow=0), *tiles)
+        given.made = lambda *tiles: cls.made(types.SimpleNamespace(invert=False, smallest=3), *tiles)
         cls.check(given, bpy.context)
         cls.draw(given, bpy.context)
         names = ("The texture", "White keeps its shape")

@@ -54,7 +54,6 @@ class _FromImage(OnObject):
         default=3,
     )
     invert: BoolProperty(name="Invert", description="The other part is rigid")
-    grow: IntProperty(name="Grow", description="Texels by which rigid parts grow, or shrink", min=-64, max=64)
 
     # As a step of Set Up.
     set_up: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
@@ -75,7 +74,7 @@ class _FromImage(OnObject):
         for line in textwrap.wrap(self._told, 60):
             layout.label(text=line)
         layout.prop_search(self, "image", bpy.data, "images")
-        for name in (*self.own(), "smallest", "invert", "grow", "size"):
+        for name in (*self.own(), "smallest", "invert", "size"):
             layout.prop(self, name)
 
     def source(self, obj: bpy.types.Object, found: bpy.types.Image | None, what: str) -> bpy.types.Image:
@@ -108,9 +107,8 @@ class _FromImage(OnObject):
         of, features, specks, large = library().rigidity, 0, 0, False
         found = change(tiles)
         for udim, values in found.items():
-            left, *counts = of.without_specks(of.changed(values, self.invert), self.smallest)
+            found[udim], *counts = of.without_specks(of.changed(values, self.invert), self.smallest)
             features, specks = features + counts[0], specks + counts[1]
-            found[udim] = of.changed(left, grow=self.grow)
         rigid = sum((values > 0.5).sum() for values in found.values())
         if features > 1:
             # A disc of half of all that is rigid.
