@@ -109,11 +109,15 @@ class Carry(Case):
         self.carry(max(studs, key=lambda stud: np.linalg.norm(self.in_world(rest)[studs.index(stud)] - stud.location)))
         self.carry(*studs, hair)
         self.carry(mesh, operator="wrap")
-        self.carry(parts, operator="wrap", pieces=True)
+        # A skirt has no effect.
+        self.carry(parts, operator="wrap", pieces=True, skirt=0.2)
+        sides = np.linalg.norm(corners - np.roll(corners, 1, 0), axis=1)
 
         def seen():
+            bodies = drawn(parts).reshape(9, 3, 3)
+            np.testing.assert_allclose(np.linalg.norm(bodies - np.roll(bodies, 1, 1), axis=2), [sides] * 9, rtol=1e-4)
             places = [world(stud)[:3, 3] for stud in studs], drawn(mesh), drawn(hair)[::2]
-            return np.concatenate([*places, drawn(parts).reshape(9, 3, 3).mean(1)])
+            return np.concatenate([*places, bodies.mean(1)])
 
         np.testing.assert_allclose(seen(), np.tile(where, (4, 1)), atol=4e-6)
         # In other poses to a tenth of a cell, since the inverse of the redirection is not exact. Parts go by feet.
