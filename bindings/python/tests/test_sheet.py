@@ -11,7 +11,6 @@ import pytest
 from bake_scenes import attributes, files, flat, image, opened, pixels, run, sheet, sheet_arguments
 from mirrored import CELLS, mirrored
 from vrtm.bake import sheet as drawing
-from vrtm.bake import sheet_figures
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.raster import cover
 from vrtm.bake.scene import SceneOptions
@@ -119,34 +118,6 @@ def test_rigidity_of_vertices_is_drawn(tmp_path: Path) -> None:
     inside = (u > 0.1) & (u < 0.9)
     expected = np.where(inside & inside[:, None], (u - 0.1) / 0.8, 0)
     assert np.abs(rigidity - expected).max() < 1e-6
-
-
-@pytest.mark.parametrize("height", [336, 644])
-@pytest.mark.parametrize("count", [1, 2, 5, 40])
-def test_no_part_of_the_figures_is_empty(count: int, height: int) -> None:
-    def side(of: float) -> dict[str, float]:
-        return {"rms": of, "p95": 2 * of, "p99": 3 * of, "max": 4 * of}
-
-    strain = {"segments": 1, "before": side(0.1), "after": side(0.01)}
-    strain["movable"] = {"before": strain["before"], "after": strain["after"]}
-    left, top, width = 16, 20, 544
-    sheet = np.zeros((top + height + 20, left + width + 16, 3), np.float32)
-    textures = (lambda size: [np.ones((size, size, 3))] * 2) if count == 1 else None
-    tiles = [(str(1001 + k), strain) for k in range(count)]
-    texts = sheet_figures.draw(sheet, (left, top, width, height), tiles, textures)
-    for x, baseline, size, text in texts:
-        assert text
-        sheet[baseline - size // 2 : baseline, x : x + len(text) * size // 3] = 1
-    inked = sheet.any(-1)
-    inside = inked[top : top + height, left : left + width]
-    assert inked.sum() == inside.sum(), "beside its box"
-    for k in range(10):
-        band = inside[k * height // 10 : (k + 1) * height // 10]
-        assert band[:, : width // 2].any() and band[:, width // 2 :].any(), f"nothing in row {k} of 10"
-    # The bars are as long as the strain, the longest kind of it all of their room.
-    bars = np.abs(sheet[top : top + height] - np.float32(sheet_figures.QUIET)).max(-1) < 1e-6
-    longest = bars[: height - 60].sum(1).max()
-    assert longest in (544 - 140 - 130, 0), longest
 
 
 def test_the_sheet_of_a_bake(tmp_path: Path) -> None:
