@@ -46,33 +46,15 @@ class Rigidity(Case):
         ):
             bpy.ops.vrtm.rigidity_from_texture(**options)
             self.assertGreater(overlap(self.painted(arm), expected), 0.9, options)
+        # A stud is 14 texels wide.
+        bpy.ops.vrtm.rigidity_from_texture(by="bright", threshold=0.4, smallest=20)
+        self.assertEqual(self.painted(arm).max(), 0)
         bpy.ops.vrtm.rigidity_from_texture(by="bright", threshold=0.4, size=64)
         self.assertEqual(self.painted(arm).shape, (64, 64))
         self.refused("no image 'nobody'", bpy.ops.vrtm.rigidity_from_texture, image="nobody")
         # And it is solved for.
         self.update(5)
         self.assertEqual(part("states").find_state(arm.object).notes, [])
-
-    def test_specks_are_left_out(self):
-        from vrtm.rigidity import blurred
-
-        arm = self.arm()
-        # Four texels that stand alone, here and there.
-        image = bpy.data.images["colour"]
-        free = 12 * np.argwhere(blurred(studs(128), 2)[:120:12, :120:12] == 0)
-        for y, x in free:
-            self.colours[y : y + 2, x : x + 2] = (0.8, 0.6, 0.3, 1)
-        fill(image, self.colours)
-        from_texture = bpy.ops.vrtm.rigidity_from_texture
-        at = tuple(free.T)
-        from_texture(by="bright", smallest=0, threshold=0.4)
-        self.assertGreater(self.painted(arm)[at].min(), 0.5)
-        from_texture(by="bright", threshold=0.4)
-        self.assertEqual(self.painted(arm)[at].max(), 0)
-        self.assertGreater(overlap(self.painted(arm), studs(128)), 0.95)
-        # A stud is 14 texels wide.
-        from_texture(by="bright", smallest=20, threshold=0.4)
-        self.assertEqual(self.painted(arm).max(), 0)
 
     def test_the_skin_is_not_taken_for_the_feature(self):
         """Neither by default, on a skin that is bright, nor without a question."""
