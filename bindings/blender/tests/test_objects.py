@@ -3,7 +3,7 @@
 import numpy as np
 
 import sample
-from support import Arm, Case, bpy, each, fill, nodes_of, part, picture, pixels, read, studs
+from support import Arm, Case, bpy, each, fill, nodes_of, part, picture, pixels, studs
 
 
 class Objects(Case):
@@ -130,26 +130,6 @@ class Objects(Case):
         self.assertEqual([tree.name for tree in bpy.data.node_groups if tree.get("vrtm_kind")], [])
         self.assertFalse(obj.vrtm.is_set_up)
         self.assertEqual(part("states").known, {})
-
-    def test_objects_with_one_mesh_have_an_attribute_each(self):
-        arm = self.arm(kind=Arm.with_studs)
-        obj = arm.object
-        obj.vrtm.write_uvs, obj.vrtm.write_strain = False, True
-        self.update(5)
-
-        def values(of):
-            return read(arm.mesh.attributes[part("results").strain_name(of.vrtm)].data, "vector", 3)
-
-        first = values(obj)
-        bpy.ops.object.duplicate(linked=True)
-        other = bpy.context.view_layer.objects.active
-        other.modifiers["Armature"].show_viewport = False
-        self.update()
-        self.assertSame(values(obj), first)
-        self.assertGreater(np.abs(values(other) - first).max(), 1e-3)
-        self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
-        self.assertSame(values(obj), first)
-        self.assertIsNone(part("results").missing(obj))
 
     def test_one_click_on_all_that_is_selected(self):
         arms = [self.arm("one"), self.arm("two")]
