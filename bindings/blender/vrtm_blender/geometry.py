@@ -81,12 +81,6 @@ def positions(mesh: bpy.types.Mesh) -> np.ndarray:
     return read(mesh.vertices, "co", 3) if attribute is None else read(attribute.data, "vector", 3)
 
 
-def mesh_of(obj: bpy.types.Object) -> bpy.types.Mesh:
-    if obj.type != "MESH":
-        raise Problem(f"{obj.name} is no mesh")
-    return obj.data
-
-
 def is_linked(obj: bpy.types.Object) -> bool:
     """True if the mesh is another file's: nothing can be written to it, and the result is an image alone."""
     return obj.data is not None and obj.data.library is not None
@@ -94,7 +88,7 @@ def is_linked(obj: bpy.types.Object) -> bool:
 
 def source_uv_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
     """The UV map of the texture: the one that is named, or else the one that renders, but never a result."""
-    mesh, settings = mesh_of(obj), obj.vrtm
+    mesh, settings = obj.data, obj.vrtm
     if settings.uv_map:
         layer = mesh.uv_layers.get(settings.uv_map)
         if layer is None:
@@ -118,7 +112,7 @@ def counts(mesh: bpy.types.Mesh) -> tuple[int, int, int]:
 
 
 def topology(obj: bpy.types.Object) -> Topology:
-    mesh = mesh_of(obj)
+    mesh = obj.data
     if not len(mesh.polygons):
         raise Problem(f"{obj.name} has no faces")
     corners = corner_vertices(mesh).view(np.uint32)
@@ -129,7 +123,7 @@ def topology(obj: bpy.types.Object) -> Topology:
 
 def rest_positions(obj: bpy.types.Object) -> np.ndarray:
     """The rest shape, (vertices, 3) float32 in the object's own space."""
-    mesh, settings = mesh_of(obj), obj.vrtm
+    mesh, settings = obj.data, obj.vrtm
     if settings.rest_source == "MESH":
         return positions(mesh)
     if settings.rest_source == "SHAPE_KEY":
@@ -150,14 +144,14 @@ def rest_positions(obj: bpy.types.Object) -> np.ndarray:
 
 def rest_keeper(obj: bpy.types.Object) -> bpy.types.Mesh:
     """The mesh that has the captured rest shape as an attribute."""
-    return obj.vrtm.rest_mesh or mesh_of(obj)
+    return obj.vrtm.rest_mesh or obj.data
 
 
 def store_rest(obj: bpy.types.Object, positions: np.ndarray, frame: int) -> None:
     """Keeps a rest shape, the evaluated one of a frame: in the mesh, or, where that is linked, in one of vertices
     alone."""
     remove_rest_mesh(obj)
-    kept = mesh_of(obj)
+    kept = obj.data
     if is_linked(obj):
         kept = obj.vrtm.rest_mesh = bpy.data.meshes.new(f"vrtm {obj.name} rest")
         kept.vertices.add(len(positions))
@@ -179,7 +173,7 @@ def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     mesh, the pose is what the Pose modifier of this add-on stored as an attribute: most modifiers that change them keep
     the mesh's own vertices first, with their attributes as they are.
     """
-    mesh = mesh_of(obj)
+    mesh = obj.data
     evaluated = obj.evaluated_get(depsgraph).data
     number = len(mesh.vertices)
     if counts(evaluated) == counts(mesh) and same_faces(obj, evaluated):

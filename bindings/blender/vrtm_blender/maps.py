@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from . import versions
-from .geometry import corner_vertices, mesh_of, read, stamp_of
+from .geometry import corner_vertices, read, stamp_of
 from .messages import Problem
 
 # The pixels of Blender's images begin with the bottom row.
@@ -187,7 +187,7 @@ def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:
     group = obj.vertex_groups.get(name)
     if group is None:
         raise Problem(f"{obj.name} has no vertex group {name!r}: choose another in the panel")
-    mesh, index = mesh_of(obj), group.index
+    mesh, index = obj.data, group.index
     # Blender has no way to read the weights of all vertices at once; a generator keeps this loop short.
     weights = (next((g.weight for g in vertex.groups if g.group == index), 0.0) for vertex in mesh.vertices)
     return np.fromiter(weights, np.float32, len(mesh.vertices))
@@ -196,7 +196,7 @@ def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:
 def attribute_values(obj: bpy.types.Object, name: str) -> np.ndarray:
     """A colour or float attribute per vertex, (vertices,) float32: of colours the largest channel, and of corners
     the mean around the vertex."""
-    mesh = mesh_of(obj)
+    mesh = obj.data
     attribute = mesh.attributes.get(name)
     if attribute is None:
         raise Problem(f"{obj.name} has no attribute {name!r}: choose another in the panel")
