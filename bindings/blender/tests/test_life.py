@@ -155,17 +155,6 @@ class Life(Case):
                 modifiers.remove(modifiers["it"])
                 modifiers.remove(modifiers["vrtm pose"])
 
-    def test_multiresolution_has_to_be_hidden(self):
-        arm = Arm.with_studs(along=10, around=8)
-        arm.object.shape_key_clear()
-        modifier = arm.object.modifiers.new("it", "MULTIRES")
-        bpy.ops.object.multires_subdivide(modifier="it")
-        self.refused("'it' changes the topology")
-        self.refused("'it' does not let the pose be read: hide it", bpy.ops.vrtm.insert_tap)
-        self.assertEqual(sorted(m.name for m in arm.object.modifiers), ["Armature", "it"])
-        modifier.show_viewport = False
-        self.update(5)
-
     def test_what_is_wrong_is_said(self):
         arm, gone = Arm.with_studs(), bpy.data.images.new("gone", 4, 4)
         gone.source, gone.filepath = "FILE", "//nowhere.png"

@@ -261,6 +261,7 @@ class Picture(Case):
             ("SOLIDIFY", lambda it: setattr(it, "use_rim_only", True)),
             ("NODES", lambda it: None),
             ("BEVEL", lambda it: None),
+            ("MULTIRES", lambda it: None),
         ):
             it = modifiers.new("it", kind)
             change(it)
