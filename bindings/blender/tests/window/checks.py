@@ -195,7 +195,6 @@ def check_frames():
     """A scrub keeps the window drawn, with Live and without; after a rendered animation the viewport has its frame."""
     obj = yield from set_up()
     scene = window().scene
-    paused = {}
     for live in (False, True):
         obj.vrtm.live = live
         with Draws() as draws:
@@ -205,9 +204,7 @@ def check_frames():
             if live:
                 yield from solved(obj)
             yield 0.5
-        paused[live] = np.median(np.diff(draws.times))
         assert len(draws.times) >= 20
-    assert paused[True] < 3 * paused[False] + 0.1, paused
     scene.frame_set(12)
     yield from solved(obj)
     twelve = pixels(obj.vrtm.image)
