@@ -1,7 +1,6 @@
 """Charts that lie over one another: maps, copies of textures, materials and figures of each layer; and maps that are
 solved in one UV set and hold UVs of another, by which the textures are looked up."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +25,11 @@ def solved(scene: Path, frame: int, subdivide: int = 0, **mesh: object) -> vrtm.
 
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The mirrored model's scene, and beside it the maps, the copies of a texture, the report and the layer."""
+    """The mirrored model's scene, and beside it the maps, the copies of a texture and the layer."""
     folder = tmp_path_factory.mktemp("mirrored")
     scene = mirrored(folder / "shot")
     borders = ("--seams", "shut", "--open-borders", "fixed")
-    run(*arguments(scene, folder / "maps", *borders), "--report", folder / "report.json")
+    run(*arguments(scene, folder / "maps", *borders))
     return scene
 
 
@@ -59,32 +58,6 @@ def test_each_layer_has_the_maps_of_its_tile(baked: Path) -> None:
     assert not np.array_equal(*copies)
 
 
-def test_a_second_bake_is_up_to_date(baked: Path) -> None:
-    out = baked.parents[1] / "maps"
-    before = files(out)
-    ended = run(*arguments(baked, out))
-    assert "0 files written, 12 up to date" in ended.stdout and files(out) == before
-    # All layers of a tile; the layers that there are count, and not how many there might be.
-    ended = run(*arguments(baked, out), "--tiles", 1001, "--max-layers", 3)
-    assert "0 files written, 8 up to date" in ended.stdout
-    (out / "redirect_layer1.0002.1001.exr").unlink()
-    assert "1 file written, 11 up to date" in run(*arguments(baked, out)).stdout and files(out) == before
-
-
-def test_both_halves_keep_their_features(baked: Path) -> None:
-    document = json.loads((baked.parents[1] / "report.json").read_text())
-    each = {(tile["udim"], tile["layer"]): tile for tile in document["frames"][1]["tiles"]}
-    assert [tile["layers"] for tile in each.values()] == [2, 2, 1]
-    assert document["warnings"] == [] and document["meshes"][0]["tiles"] == [1001, 1002]
-    for layer in (0, 1):
-        tile = each[1001, layer]
-        strain = tile["strain"]
-        print(f"layer {layer}: RMS strain {strain['before']['rms']:.4f} to {strain['after']['rms']:.4f}")
-        assert strain["before"]["rms"] > 0.1 and strain["after"]["rms"] < strain["before"]["rms"] / 3
-        assert tile["rigid"]["overlapped"] == tile["rigid"]["fixed"] == 0.0 and tile["rigid"]["movable"] == 1.0
-    assert each[1001, 0]["strain"] != each[1001, 1]["strain"]
-
-
 def test_messages_name_the_layer(baked: Path, tmp_path: Path) -> None:
     ended = run(*arguments(baked, tmp_path / "maps", "--frames", 2, "--max-strain", 0.001), expect=3)
     assert f"{MESH} tile 1001 layer 1: 0.0% of the rigid texels are fixed" in ended.stdout
@@ -105,14 +78,6 @@ def test_the_first_face_moves_all(baked: Path, tmp_path: Path) -> None:
     asset = solved_alone(baked, 2, SIZE, settings={"overlap": "first_face"})
     expected = asset.tile(1001).fetch("redirection_udim", SIZE, channels=3)
     assert np.array_equal(pixels(tmp_path / "first" / "redirect.0002.1001.exr"), expected)
-
-
-def test_without_overlaps_nothing_changes(tmp_path: Path) -> None:
-    scene = sheet(tmp_path / "shot", frames=2)
-    for overlap in ("each", "fixed"):
-        run(*sheet_arguments(scene, tmp_path / overlap, "--overlap", overlap, "--warp"))
-    assert len(files(tmp_path / "each")) == 8 and files(tmp_path / "each") == files(tmp_path / "fixed")
-    assert "0 files written, 8 up to date" in run(*sheet_arguments(scene, tmp_path / "fixed", "--warp")).stdout
 
 
 def test_the_layer_binds_the_maps_of_each_layer(baked: Path) -> None:
