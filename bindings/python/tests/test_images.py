@@ -38,19 +38,6 @@ def test_maps_in(asset, model):
     assert not np.array_equal(redirection(asset, model, painted[:, ::-1] // 2), expected)
 
 
-def test_stroke(asset, model):
-    tile = asset.tile(1001)
-    painted = studs()
-    asset.solve(model.pose)
-    painted[40:60, 70:90] = 255
-    tile.update_rigidity(painted, 70, 40, 20, 20)
-    asset.solve(model.pose)
-    updated = tile.fetch()
-    tile.set_rigidity(painted)
-    asset.solve(model.pose)
-    assert np.array_equal(tile.fetch(), updated)
-
-
 @pytest.fixture
 def solved(asset, model):
     asset.solve(model.pose)
