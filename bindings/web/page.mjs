@@ -16,6 +16,7 @@ await build({
   alias: { vrtm: `${here}dist/index.js`, "vrtm/three": `${here}dist/three/index.js` },
   nodePaths: [`${here}node_modules`],
   bundle: true,
+  splitting: true,
   minify: true,
   format: "esm",
   target: "es2022",

@@ -23,9 +23,9 @@ export function limits(): (typeof LIMITS)["desk"] {
 }
 
 /** Calls `chosen` with the files, or the folder, that are dropped on an element or chosen with an input. */
-export function mount(target: HTMLElement, input: HTMLInputElement, chosen: (files: Named[]) => void): void {
+export function mount(target: HTMLElement, input: HTMLInputElement, chosen: (files: Promise<Named[]>) => void): void {
   input.addEventListener("change", () => {
-    chosen([...(input.files ?? [])].map((file) => ({ path: file.webkitRelativePath || file.name, file })));
+    chosen(Promise.all([...(input.files ?? [])].map(walk)).then((files) => files.flat()));
     // The same file can be chosen again.
     input.value = "";
   });
@@ -34,7 +34,7 @@ export function mount(target: HTMLElement, input: HTMLInputElement, chosen: (fil
     event.preventDefault();
     const items = [...(event.dataTransfer?.items ?? [])].filter(({ kind }) => kind === "file");
     const given = items.map((item) => item.webkitGetAsEntry() ?? item.getAsFile());
-    void Promise.all(given.map(walk)).then((files) => chosen(files.flat()));
+    chosen(Promise.all(given.map(walk)).then((files) => files.flat()));
   });
 }
 

@@ -1,5 +1,4 @@
 /** The page: what is pressed and moved, and what follows of it. */
-import type { Object3D } from "three";
 import { mount as mountFiles, type Named } from "./files.js";
 import { hands } from "./hands.js";
 import { read, restroke, strokes, write, type Kept } from "./link.js";
@@ -8,11 +7,10 @@ import { missing } from "./missing.js";
 import { dispose, openFiles, play as playClip } from "./own.js";
 import { mount as mountPaint } from "./paint.js";
 import { ring } from "./rings.js";
-import { SCENES, type Scene } from "./scenes.js";
+import { SCENES, openScene, type Scene } from "./scenes.js";
 import { Stage } from "./stage.js";
 import type { Part } from "./state.js";
 import { Loop, measured, percent, words, type Measure } from "./strain.js";
-import { mount as mountTake } from "./take.js";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const { body } = document;
@@ -27,7 +25,8 @@ interface Shown extends Scene {
 let open: Shown | undefined;
 let stage: Stage;
 let hand: ReturnType<typeof hands>;
-let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+const isCalm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+let playing = !isCalm;
 /** Seconds: of the newest pose, and of the pose that is shown. */
 let [time, shownTime] = [0, 0];
 let updates = 0;
@@ -40,35 +39,51 @@ function say(text: unknown): void {
   message.classList.toggle("error", text instanceof Error);
 }
 
+const opened = (made: Scene, scene: string): Shown =>
+  ({ ...made, scene, first: made.parts.map(({ rigidity }) => rigidity.slice()), loop: new Loop() });
+
 /** A built-in scene, with the paint of a link. */
 async function prepare(scene: string, { paint }: Partial<Kept> = {}): Promise<Shown> {
-  const early = (root: Object3D, direction: number[]) =>
-    setTimeout(() => open ?? (stage.show(root, direction), say("Getting ready: vrtm is on its way")), 500);
-  const made = await SCENES[scene][1](early);
-  const first = made.parts.map(({ rigidity }) => rigidity.slice());
+  const shown = opened(await openScene(scene, (root) => {
+    if (!open) {
+      stage.show(root, SCENES[scene].direction);
+      say("Getting ready: vrtm is on its way");
+    }
+  }), scene);
   if (paint) {
-    const [{ rigidity, size, redirected }] = made.parts;
-    rigidity.set(restroke(paint, first[0], size));
+    const [{ rigidity, size, redirected }] = shown.parts;
+    rigidity.set(restroke(paint, shown.first[0], size));
     await redirected.setRigidity(rigidity, size);
   }
-  return { ...made, scene, first, loop: new Loop() };
+  return shown;
 }
 
 /** Characters of the visitor's are not painted yet. */
-async function own(files: Named[]): Promise<Shown> {
-  const made = await openFiles(files);
+async function own(files: Promise<Named[]>): Promise<Shown> {
+  const made = await openFiles(await files);
   const sentence = `${made.name}: choose what keeps its shape under “Paint”. The file stays on this device.`;
-  const first = made.parts.map(({ rigidity }) => rigidity.slice());
-  return { ...made, sentence, direction: [0.3, 0.15, 0.94], rings: [], scene: "own", first, loop: new Loop() };
+  return opened({ ...made, sentence, direction: [0.3, 0.15, 0.94], rings: [] }, "own");
 }
 
-/** Shows what is opened next; what was open before stays until then, or if this fails. */
-async function show(opening: () => Promise<Shown>, kept: Partial<Kept> = {}): Promise<void> {
+/** Shows what is opened next, unless something else is before it is ready; what was open stays until then, or if this
+ * fails. */
+async function show(opening: Promise<Shown>, kept: Partial<Kept> = {}): Promise<void> {
   const turn = ++turns;
   say("Getting ready");
-  const made = await opening();
-  if (turn !== turns) {
-    return dispose(made);
+  try {
+    const made = await opening;
+    await (turn === turns ? enter(made, kept) : dispose(made));
+  } catch (error) {
+    if (turn === turns) {
+      element<HTMLSelectElement>("scene").value = open?.scene ?? "";
+      say(error);
+    }
+  }
+}
+
+async function enter(made: Shown, kept: Partial<Kept>): Promise<void> {
+  if (open && !isCalm) {
+    play(true);
   }
   close();
   open = made;
@@ -233,8 +248,8 @@ function choose(name: string, value: string | undefined): void {
 function start(): void {
   document.querySelector("details")!.open = innerWidth > 760;
   const kept = read(location.hash);
-  // The worker prepares while lights are made.
   const scene = kept.scene && kept.scene in SCENES ? kept.scene : "puffer";
+  // Files are fetched while lights are made.
   const prepared = prepare(scene, kept);
   stage = new Stage(element<HTMLCanvasElement>("view"));
   const each = (name: string, call: (value: string) => void) =>
@@ -263,11 +278,11 @@ function start(): void {
     moved();
   });
   const scenes = element<HTMLSelectElement>("scene");
-  scenes.append(...Object.entries(SCENES).map(([name, [title]]) => new Option(title, name, false, name === scene)));
+  scenes.append(...Object.entries(SCENES).map(([id, { name }]) => new Option(name, id, false, id === scene)));
   scenes.append(Object.assign(new Option("Your own", "own"), { disabled: true }));
-  scenes.addEventListener("change", () => show(() => prepare(scenes.value)).catch(say));
+  scenes.addEventListener("change", () => void show(prepare(scenes.value)));
   element("choose").addEventListener("click", () => element("file").click());
-  mountFiles(body, element<HTMLInputElement>("file"), (files) => void show(() => own(files)).catch(say));
+  mountFiles(body, element<HTMLInputElement>("file"), (files) => void show(own(files)));
   element<HTMLSelectElement>("clip").addEventListener("change", ({ target }) => {
     playClip(open!, open!.clips[Number((target as HTMLSelectElement).value)]);
     open!.loop.clear();
@@ -278,7 +293,10 @@ function start(): void {
   addEventListener("pointerdown", () => message.classList.contains("error") && say(""));
   const pause = () => playing && play(false);
   const brush = mountPaint(element("paint"), stage, { open: () => open, changed: moved, pause, say });
-  mountTake(element("take"), () => open);
+  // What is read by few need not be loaded by all.
+  const take = element("take");
+  take.closest("details")!.addEventListener("toggle", () => void import("./take.js")
+    .then(({ mount }) => take.hasChildNodes() || mount(take, () => open)).catch(say));
   hand = hands(stage, {
     isPainting: brush.isOn,
     play: () => play(!playing),
@@ -294,7 +312,7 @@ function start(): void {
   if (kept.time !== undefined) {
     play(false);
   }
-  show(() => prepared, kept).catch(say);
+  void show(prepared, kept);
   void run();
 }
 

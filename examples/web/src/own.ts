@@ -1,7 +1,8 @@
 /** The visitor's own character, from a glTF file. */
 import {
   AnimationClip, AnimationMixer, DataTexture, LinearFilter, LinearMipmapLinearFilter, NumberKeyframeTrack,
-  RepeatWrapping, SRGBColorSpace, type Material, type Mesh, type MeshStandardMaterial, type Object3D, type SkinnedMesh, type Texture,
+  RepeatWrapping, SRGBColorSpace, type Material, type Mesh, type MeshStandardMaterial, type Object3D, type SkinnedMesh,
+  type Texture,
 } from "three";
 import { redirect } from "vrtm/three";
 import { count, limits, list, load, tooLarge, type Named } from "./files.js";
@@ -14,16 +15,27 @@ export interface Own extends Open {
   notes: string[];
 }
 
+interface Settings {
+  /** Gets what can be seen before its parts are ready. */
+  early?: (root: Object3D) => void;
+  /** What is rigid, of so many texels along each side: by default nothing. */
+  rigidity?: (size: number) => Uint8Array;
+  /** Cells and texels of grids and maps along each side, at most. */
+  cells?: number;
+}
+
 const isMesh = (object: Object3D): object is Mesh => (object as Mesh).isMesh === true;
 
 /** Opens a character. Errors are sentences for the visitor. What was open before is closed by `dispose`, after this. */
-export async function openFiles(files: Named[]): Promise<Own> {
+export async function openFiles(files: Named[], settings: Settings = {}): Promise<Own> {
   const main = files.find(({ path }) => /\.(glb|gltf|vrm)$/i.test(path));
   if (!main) {
     const names = list(files.map(({ file }) => file.name)) || "This";
     throw new Error(`${names} is no glTF: a file that ends in .glb or .gltf is needed.`);
   }
-  const { bytes, texels, parts: most, size, map, grid } = limits();
+  const { early, rigidity: rigid = (size) => new Uint8Array(size ** 2), cells = Infinity } = settings;
+  const { bytes, texels, parts: most, size, ...sides } = limits();
+  const [map, grid] = [sides.map, sides.grid].map((side) => Math.min(side, cells));
   const sum = files.reduce((sum, { file }) => sum + file.size, 0);
   if (sum > bytes) {
     throw tooLarge(main.file.name, Math.ceil(sum / 1e6), bytes / 1e6, "MB");
@@ -41,12 +53,13 @@ export async function openFiles(files: Named[]): Promise<Own> {
       const [rest, all] = [groups.length - most, groups.length];
       notes.push(`${rest} of its ${all} parts are drawn as they are: this device redirects ${most}.`);
     }
+    early?.(root);
     const sizes = groups.map(({ map: { image } }) => {
       const { width, height } = image as ImageBitmap;
       return Math.min(size, Math.max(256, 2 ** Math.round(Math.log2(Math.max(width, height)))));
     });
     const made = groups.slice(0, most).map(async ({ meshes, map: texture }, k): Promise<Part> => {
-      const rigidity = new Uint8Array(sizes[k] ** 2);
+      const rigidity = rigid(sizes[k]);
       const redirected = await redirect(meshes, {
         rigidity, size: sizes[k], mapSize: Math.min(map, sizes[k]), grid, uv: texture.channel,
         worker: new Worker("worker.js", { type: "module" }), wasm: new URL("vrtm_bg.wasm", location.href).href,
