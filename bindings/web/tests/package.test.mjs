@@ -9,7 +9,6 @@ import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { PNG } from "pngjs";
 
-import { readObj } from "./obj.mjs";
 import { Asset, AssetMethods, Carrier, VrtmError, load } from "../dist/index.js";
 import { WorkerAsset } from "../dist/worker_asset.js";
 import { Thread, squares } from "./shared.mjs";
@@ -41,11 +40,17 @@ const close = (a, b, tolerance, what) => {
 
 /** A built-in scene, from the files that the example `scene` writes. */
 function scene(name) {
-  execFileSync("cargo", ["run", "--quiet", "--example", "scene", "--", name, join(folder, name)], {
-    cwd: root,
-  });
+  execFileSync("cargo", ["run", "--quiet", "--example", "scene", "--", name, join(folder, name)], { cwd: root });
   const read = (file) => readFileSync(join(folder, name, file));
-  const mesh = readObj(read("rest.obj").toString());
+  const rows = (key) => read("rest.obj").toString().split("\n").filter((line) => line.startsWith(`${key} `))
+    .map((line) => line.trim().split(" ").slice(1));
+  const faces = rows("f");
+  const corners = faces.flat().map((corner) => corner.split("/").map((n) => n - 1));
+  const mesh = {
+    positions: Float32Array.from(rows("v").flat()), uvs: Float32Array.from(rows("vt").flat()),
+    faceCounts: Uint32Array.from(faces, ({ length }) => length),
+    indices: Uint32Array.from(corners, ([vertex]) => vertex), uvIndices: Uint32Array.from(corners, ([, uv]) => uv),
+  };
   const about = JSON.parse(read("asset.json"));
   const poses = new Float32Array(new Uint8Array(read("frames.f32")).buffer);
   const maps = Object.entries(about.rigidity).map(([udim, file]) => {

@@ -1,51 +1,13 @@
 // The page in a browser: `npm run build` comes first. With VRTM_PICTURES=1 its pictures in docs/images are made again.
 import assert from "node:assert/strict";
 import { writeFileSync } from "node:fs";
-import { after, before, test } from "node:test";
-import { fileURLToPath } from "node:url";
+import { test } from "node:test";
 import { PNG } from "pngjs";
-import { launch, serve, skip } from "./browser.mjs";
-import { strainOf } from "./strain.mjs";
+import { PHONE, WIDE, options, pages, seek, skip, still } from "./browser.mjs";
+import { strains } from "./strain.mjs";
 import { animate } from "./webp.mjs";
 
-let browser, served;
-before(async () => {
-  if (!skip) {
-    served = await serve(fileURLToPath(new URL("../../../examples/web/dist", import.meta.url)));
-    browser = await launch();
-  }
-});
-after(async () => {
-  await browser?.close();
-  served?.server.close();
-});
-
-// A machine that is busy draws a picture in seconds: how quick the page is, is no matter of these tests.
-const timeout = 600_000;
-const WIDE = { width: 1280, height: 800 };
-const PHONE = { width: 390, height: 844, isMobile: true, hasTouch: true };
-
-async function opened(viewport, { hash = "", first = () => {}, ready = "body[data-solved]" } = {}) {
-  const page = await browser.newPage();
-  page.setDefaultTimeout(timeout);
-  page.problems = [];
-  page.on("console", (message) => ["error", "warn"].includes(message.type()) && page.problems.push(message.text()));
-  page.on("pageerror", (error) => page.problems.push(error.message));
-  await page.setViewport(viewport);
-  await first(page);
-  await page.goto(served.url + hash);
-  await page.waitForSelector(ready);
-  return page;
-}
-
-const still = (page) => page.waitForSelector("body[data-state=still][data-solved=normal]");
-async function seek(page, time) {
-  await page.$eval("#time", (slider, time) => {
-    slider.value = time;
-    slider.dispatchEvent(new Event("input"));
-  }, time);
-  await still(page);
-}
+const opened = pages();
 const text = (page, of) => page.$eval(of, ({ textContent }) => textContent);
 const isSeen = (page, of) => page.$eval(of, (element) => element.checkVisibility());
 
@@ -77,7 +39,7 @@ function coloured({ data, width, height }) {
   return sum / (width * height);
 }
 
-test("it opens in motion, and its numbers are right", { skip, timeout }, async () => {
+test("it opens in motion, and its numbers are right", options, async () => {
   const page = await opened(WIDE);
   assert.equal(await page.$eval("body", ({ dataset }) => dataset.state), "playing");
   const time = () => page.$eval("#time", ({ value }) => Number(value));
@@ -88,14 +50,7 @@ test("it opens in motion, and its numbers are right", { skip, timeout }, async (
   const numbers = await text(page, "#numbers");
   const [before, after] = numbers.match(/by ([\d.]+) % on average, now by ([\d.]+) %/).slice(1).map(Number);
   assert.equal(await text(page, ".without b"), `${before} % stretched`);
-  const own = strainOf(await page.evaluate(() => {
-    const [{ source, redirected, rigidity, size }] = character.parts;
-    const { uvs, indices, uvIndices } = source.mesh;
-    const { delta, mapSize } = redirected;
-    const arrays = { rest: source.rest(), pose: source.pose(), uvs, indices, uvIndices, delta, rigidity };
-    const plain = Object.entries(arrays).map(([name, array]) => [name, [...array]]);
-    return { size, map: mapSize, ...Object.fromEntries(plain) };
-  }));
+  const [own] = await strains(page);
   // The page measures along edges of the grid, and this check in the map, whose half floats and texels lose a little.
   assert.ok(Math.abs(before - 100 * own.before) < 0.05 * before, `without vrtm ${before} and ${100 * own.before} %`);
   assert.ok(Math.abs(after - 100 * own.after) < 1.5 && after < 5, `with vrtm ${after} and ${100 * own.after} %`);
@@ -109,7 +64,7 @@ test("it opens in motion, and its numbers are right", { skip, timeout }, async (
   await page.close();
 });
 
-test("own UVs are never shown as those of vrtm", { skip, timeout }, async () => {
+test("own UVs are never shown as those of vrtm", options, async () => {
   const held = () => {
     const free = new Promise((resolve) => (globalThis.free = resolve));
     globalThis.Worker = class extends Worker {
@@ -143,7 +98,7 @@ test("own UVs are never shown as those of vrtm", { skip, timeout }, async () => 
   await page.close();
 });
 
-test("it looks, and is played and moved by keys", { skip, timeout }, async () => {
+test("it looks, and is played and moved by keys", options, async () => {
   const page = await opened(WIDE);
   await page.keyboard.press("Space");
   await still(page);
@@ -193,7 +148,7 @@ test("it looks, and is played and moved by keys", { skip, timeout }, async () =>
   await page.close();
 });
 
-test("a link keeps what is seen and painted", { skip, timeout }, async () => {
+test("a link keeps what is seen and painted", options, async () => {
   const page = await opened(WIDE);
   await seek(page, 2.5);
   await page.click("[name=look][value=rigidity] + span");
@@ -224,12 +179,12 @@ test("a link keeps what is seen and painted", { skip, timeout }, async () => {
   percents(numbers).forEach((one, k) => assert.ok(Math.abs(one - found[k]) < 1, `${one} and ${found[k]} %`));
   // A tab that is not seen neither plays nor solves.
   await again.click("#play");
-  const odd = await browser.newPage();
+  const odd = await page.browser().newPage();
   await odd.bringToFront();
   await again.waitForFunction(() => document.hidden, { polling: 50 });
   const time = () => again.$eval("#time", ({ value }) => value);
   const stopped = await time();
-  await odd.goto(served.url);
+  await odd.goto(new URL("/", page.url()).href);
   await odd.waitForSelector("body[data-solved]");
   assert.equal(await time(), stopped);
   await odd.close();
@@ -239,7 +194,7 @@ test("a link keeps what is seen and painted", { skip, timeout }, async () => {
   await Promise.all([page, again, nonsense].map((page) => page.close()));
 });
 
-test("it fits a phone, turns with a finger, and follows the window", { skip, timeout }, async () => {
+test("it fits a phone, turns with a finger, and follows the window", options, async () => {
   const page = await opened(PHONE);
   await seek(page, 3);
   const fits = () => page.$eval("#view", ({ clientHeight }) =>
@@ -262,7 +217,7 @@ test("it fits a phone, turns with a finger, and follows the window", { skip, tim
   await page.close();
 });
 
-test("a picture that the graphics card loses comes back", { skip, timeout }, async () => {
+test("a picture that the graphics card loses comes back", options, async () => {
   const page = await opened(WIDE);
   await seek(page, 3);
   await page.click("[name=look][value=strain] + span");
@@ -283,7 +238,7 @@ for (const [what, words, take] of [
   ["WebGL 2", "needs WebGL 2", () => (HTMLCanvasElement.prototype.getContext = () => null)],
   ["SIMD", "needs WebAssembly with SIMD", () => (WebAssembly.validate = () => false)],
 ]) {
-  test(`it says that ${what} is missing`, { skip, timeout }, async () => {
+  test(`it says that ${what} is missing`, options, async () => {
     const first = (page) => page.evaluateOnNewDocument(take);
     const page = await opened(PHONE, { ready: "body[data-state=missing]", first });
     assert.ok((await text(page, "#message")).includes(words));
@@ -293,7 +248,7 @@ for (const [what, words, take] of [
 }
 
 const pictures = process.env.VRTM_PICTURES ? skip : "VRTM_PICTURES=1 makes docs/images/web.png and web.webp again";
-test("its pictures in the documentation", { skip: pictures, timeout }, async () => {
+test("its pictures in the documentation", { ...options, skip: pictures }, async () => {
   const page = await opened({ width: 1080, height: 675, deviceScaleFactor: 0.8 });
   const write = (name, bytes, most) => {
     assert.ok(bytes.length <= most, `${name} has ${bytes.length} bytes`);

@@ -1,7 +1,12 @@
 // Strain of what is rigid, from a redirection map and two poses, by arithmetic that nothing of vrtm is used for.
 
+/** Those of all parts of what is open in a page. */
+export const strains = (page) => page.evaluate(`(${ofParts})(${strainOf})`);
+const ofParts = (strainOf) => character.parts.map(({ source, redirected: { delta, mapSize }, rigidity, size }) =>
+  strainOf({ ...source.mesh, rest: source.rest(), pose: source.pose(), delta, map: mapSize, rigidity, size }));
+
 /** Root mean squares over pairs of neighbouring places of a surface, by the area of paint that they have. */
-export function strainOf({ rest, pose, uvs, indices, uvIndices, delta, map, rigidity, size }) {
+function strainOf({ rest, pose, uvs, indices, uvIndices, delta, map, rigidity, size }) {
   const N = 700;
   const triangles = new Int32Array(N * N).fill(-1);
   const corners = (k) => [0, 1, 2].map((n) => [uvs[2 * uvIndices[k + n]], uvs[2 * uvIndices[k + n] + 1]]);
@@ -31,11 +36,7 @@ export function strainOf({ rest, pose, uvs, indices, uvIndices, delta, map, rigi
     const of = weights(k, uv);
     return [0, 1, 2].map((axis) => of.reduce((sum, w, n) => sum + w * positions[3 * indices[k + n] + axis], 0));
   };
-  const half = (bits) => {
-    const [exponent, fraction] = [(bits >> 10) & 31, bits & 1023];
-    return (bits & 0x8000 ? -1 : 1) * (exponent ? 2 ** (exponent - 15) * (1 + fraction / 1024) : 2 ** -14 * (fraction / 1024));
-  };
-  const shift = Float64Array.from(delta, half);
+  const shift = new Float16Array(delta.buffer, delta.byteOffset, delta.length);
   const painted = ([u, v]) => {
     const [x, y] = [u * map - 0.5, (1 - v) * map - 0.5];
     const [i, j] = [Math.floor(x), Math.floor(y)];
@@ -62,7 +63,8 @@ export function strainOf({ rest, pose, uvs, indices, uvIndices, delta, map, rigi
           const middle = [(p[0] + q[0]) / 2, (p[1] + q[1]) / 2];
           const weight = Math.min(...[p, middle, q].map(rigid)) > 0.5 ? Math.hypot(p[0] - q[0], p[1] - q[1]) ** 2 : 0;
           if (weight > 0) {
-            sum += weight * (distance(point(pose, from), point(pose, to)) / distance(point(rest, p), point(rest, q)) - 1) ** 2;
+            const [now, then] = [[pose, from, to], [rest, p, q]].map(([of, a, b]) => distance(point(of, a), point(of, b)));
+            sum += weight * (now / then - 1) ** 2;
             total += weight;
           }
         }

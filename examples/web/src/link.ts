@@ -1,4 +1,6 @@
 /** A link that keeps what is seen of a built-in scene: its frame, view, look and paint, in the part after `#`. */
+import { deflateSync, inflateSync } from "three/addons/libs/fflate.module.js";
+
 export interface Kept {
   scene: string;
   time: number;
@@ -16,29 +18,16 @@ export interface Kept {
 const CELLS = 256;
 const MOST = 16_000;
 
-/** Paint where it differs from what was there: runs of cells with 16 levels of rigidity, 0 = as it was. */
+/** Paint where it differs from what was there: cells with 16 levels of rigidity, 0 = as it was. */
 export function strokes(now: Uint8Array, first: Uint8Array, size: number): string {
-  const bytes: number[] = [];
-  let [run, last] = [0, 0];
-  const put = () => {
-    for (let left = run; left > 0; left -= 2048) {
-      const length = Math.min(left, 2048) - 1;
-      bytes.push((last << 3) | (length & 7), length >> 3);
-    }
-  };
-  for (let k = 0; k < CELLS * CELLS; k++) {
-    const at = middle(k, size);
-    const level = Math.abs(now[at] - first[at]) > 8 ? 1 + Math.round(now[at] / 17) : 0;
-    if (level !== last) {
-      put();
-      [run, last] = [0, level];
-    }
-    run++;
+  const levels = Uint8Array.from({ length: CELLS * CELLS }, (_, cell) => {
+    const at = middle(cell, size);
+    return Math.abs(now[at] - first[at]) > 8 ? 1 + Math.round(now[at] / 17) : 0;
+  });
+  if (levels.every((level) => level === 0)) {
+    return "";
   }
-  if (last) {
-    put();
-  }
-  // Levels are 0 to 16: five bits of the first byte; three more, and the second one, are the run's length.
+  const bytes = deflateSync(levels, { level: 9 });
   const text = btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
   if (text.length > MOST) {
     throw new Error("There is too much new paint for a link: save the rigidity as an image instead.");
@@ -49,23 +38,20 @@ export function strokes(now: Uint8Array, first: Uint8Array, size: number): strin
 /** Paints them, and ignores what is no such text. */
 export function restroke(text: string, first: Uint8Array, size: number): Uint8Array {
   const to = first.slice();
-  let bytes = "";
+  const levels = new Uint8Array(CELLS * CELLS);
   try {
-    bytes = atob(text.slice(0, MOST).replaceAll("-", "+").replaceAll("_", "/"));
+    const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
+    inflateSync(bytes, { out: levels });
   } catch {
     return to;
   }
   const side = size / CELLS;
-  let cell = 0;
-  for (let k = 0; k + 1 < bytes.length; k += 2) {
-    const [level, length] = [bytes.charCodeAt(k) >> 3, (bytes.charCodeAt(k) & 7) + 8 * bytes.charCodeAt(k + 1) + 1];
-    for (const end = Math.min(cell + length, CELLS * CELLS); cell < end; cell++) {
-      const [x, y] = [Math.ceil((cell % CELLS) * side), Math.ceil(Math.floor(cell / CELLS) * side)];
-      for (let row = y; level > 0 && row < y + side; row++) {
-        to.fill(17 * Math.min(level - 1, 15), row * size + x, row * size + Math.ceil(x + side));
-      }
+  levels.forEach((level, cell) => {
+    const [x, y] = [Math.ceil((cell % CELLS) * side), Math.ceil(Math.floor(cell / CELLS) * side)];
+    for (let row = y; level > 0 && row < y + side; row++) {
+      to.fill(17 * Math.min(level - 1, 15), row * size + x, row * size + Math.ceil(x + side));
     }
-  }
+  });
   return to;
 }
 

@@ -6,8 +6,6 @@ import { layout, numbers } from "./layout.js";
 export interface SourceOptions {
   /** Number of the UV set that the textures use, their `channel`: 0 = `uv`, 1 = `uv1`. By default 0. */
   uv?: number;
-  /** Weld vertices that coincide at rest and move alike, as those that importers split at seams: by default true. */
-  weld?: boolean;
 }
 
 /** A mesh with its attributes as plain numbers. */
@@ -39,7 +37,7 @@ export class Source {
   /** From the topmost object to the space of poses. */
   #space: Matrix4;
 
-  constructor(meshes: Mesh[], { uv = 0, weld = true }: SourceOptions = {}) {
+  constructor(meshes: Mesh[], { uv = 0 }: SourceOptions = {}) {
     const [first] = meshes;
     this.#top = first;
     while (this.#top.parent) {
@@ -52,7 +50,7 @@ export class Source {
     this.flipY = texture?.flipY ?? false;
     this.#parts = meshes.map(read);
     const rests = this.#parts.map((part) => atRest(part, first.matrixWorld));
-    const { vertexOf, positions } = join(this.#parts, rests, weld);
+    const { vertexOf, positions } = join(this.#parts, rests);
     this.vertexOf = vertexOf;
     this.mesh = { positions, ...layout(meshes, vertexOf, uv, this.flipY) };
   }
@@ -125,52 +123,38 @@ function atRest({ mesh, positions, skin }: Part, space: Matrix4): Float32Array {
   return out;
 }
 
-/** Welds vertices, and lets one of each stand for it. Those of different meshes are welded if one skeleton alone moves
- * both: morph influences and places of meshes may change apart. */
-function join(parts: Part[], rests: Float32Array[], weld: boolean) {
+/** Welds vertices that coincide at rest and move alike, as importers split them at seams, and lets one of each stand for
+ * it. Those of different meshes are welded if one skeleton alone moves both: morph influences and places of meshes may
+ * change apart. */
+function join(parts: Part[], rests: Float32Array[]) {
   const moved = parts.map(({ mesh, morphs }) => (isSkinned(mesh) && morphs.length === 0 ? mesh.skeleton : mesh));
-  const columns = parts.map(({ morphs, skin }, p) => [
-    ...[rests[p], ...morphs].map((values) => ({ values, size: 3 })),
-    ...(skin ? [skin.bones, skin.weights].map((values) => ({ values, size: 4 })) : []),
-  ]);
-  const bits = new Float32Array(1);
-  const word = new Uint32Array(bits.buffer);
-  const hash = (p: number, v: number) => {
-    let hash = 0x811c9dc5;
-    for (const { values, size } of columns[p]) {
-      for (let k = size * v; k < size * (v + 1); k++) {
-        // 0 and -0 are the same.
-        bits[0] = values[k] + 0;
-        hash = Math.imul(hash ^ word[0] ^ (word[0] >>> 15), 0x01000193);
-      }
-    }
-    return hash;
-  };
-  const equal = (p: number, v: number, q: number, w: number) =>
-    moved[p] === moved[q] && columns[p].every(({ values, size }, column) => {
-      const other = columns[q][column].values;
-      for (let k = 0; k < size; k++) {
-        if (values[size * v + k] !== other[size * w + k]) {
-          return false;
-        }
-      }
-      return true;
-    });
-
-  const found = new Map<number, { p: number; v: number; n: number }[]>();
+  const found = new Map<string, number>();
   const places: number[] = [];
   const vertexOf = parts.map((part, p) => {
     const own: number[] = [];
     const welded: number[] = [];
+    const columns = [
+      ...[rests[p], ...part.morphs].map((values) => ({ values, size: 3 })),
+      ...(part.skin ? [part.skin.bones, part.skin.weights].map((values) => ({ values, size: 4 })) : []),
+    ];
+    const row = new Float32Array(columns.reduce((sum, { size }) => sum + size, 1));
+    row[0] = moved.indexOf(moved[p]);
+    const characters = new Uint16Array(row.buffer);
     const map = Uint32Array.from({ length: part.positions.length / 3 }, (_, v) => {
-      const key = weld ? hash(p, v) : places.length;
-      const chain = found.get(key) ?? [];
-      const same = weld && chain.find((other) => equal(p, v, other.p, other.v));
-      if (same) {
-        return same.n;
+      let at = 1;
+      for (const { values, size } of columns) {
+        for (let k = size * v; k < size * (v + 1); k++) {
+          // 0 and -0 are the same.
+          row[at++] = values[k] + 0;
+        }
+      }
+      const key = String.fromCharCode(...characters);
+      const same = found.get(key);
+      if (same !== undefined) {
+        return same;
       }
       const n = places.length / 3;
-      found.set(key, [...chain, { p, v, n }]);
+      found.set(key, n);
       places.push(...rests[p].subarray(3 * v, 3 * v + 3));
       own.push(v);
       welded.push(n);

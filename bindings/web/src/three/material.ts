@@ -9,7 +9,6 @@ export interface Uniforms {
   strength: IUniform<number>;
   /** Pixel of the drawing buffer, from the left, up to which own UVs are drawn. */
   wipe: IUniform<number>;
-  [more: string]: IUniform;
 }
 
 export interface PatchOptions {
@@ -17,16 +16,11 @@ export interface PatchOptions {
   uv?: number;
   /** `Source.flipY`: the images' first rows are at v = 1. By default true, as three.js loads images itself. */
   flipY?: boolean;
-  /** GLSL that takes the place of one look-up in the map: the declarations of further uniforms, and
-   * `vec2 vrtmLookUp( vec2 at ) { ... }`, where (0, 0) is the corner of the map's first texel. */
-  lookUp?: string;
 }
-
-const LOOK_UP = "vec2 vrtmLookUp( vec2 at ) { return textureLod( vrtmMap, at, 0.0 ).rg; }";
 
 /** Derivatives of own UVs are known in each pixel, and those of the redirection from neighbouring texels: differences
  * between redirected pixels would be wrong where a block of four reaches over the border of a chart. */
-const declarations = (flipY: boolean, lookUp: string) => /* glsl */ `
+const declarations = (flipY: boolean) => /* glsl */ `
 uniform sampler2D vrtmMap;
 uniform float vrtmStrength, vrtmWipe;
 varying vec2 vrtmOwn;
@@ -34,9 +28,9 @@ varying vec2 vrtmOwn;
 vec2 vrtmUv, vrtmDelta;
 mat2 vrtmGrad;
 mat3 vrtmTurn = mat3( 1.0 );
-${lookUp}
 vec2 vrtmDeltaAt( vec2 uv ) {
-  return ${flipY ? "vrtmLookUp( vec2( uv.x, 1.0 - uv.y ) )" : "vrtmLookUp( uv ) * vec2( 1.0, - 1.0 )"};
+  vec2 delta = textureLod( vrtmMap, ${flipY ? "vec2( uv.x, 1.0 - uv.y )" : "uv"}, 0.0 ).rg;
+  return ${flipY ? "delta" : "delta * vec2( 1.0, - 1.0 )"};
 }
 `;
 
@@ -126,16 +120,12 @@ const patched = new WeakSet<Material>();
 
 /** Lets a material look up redirected UVs, after its own `onBeforeCompile`, and returns what takes that back. GLSL of
  * that function finds the redirected UV in `vrtmUv`, the own one in `vrtmOwn`. */
-export function patch(
-  material: Material,
-  uniforms: Uniforms,
-  { uv = 0, flipY = true, lookUp = LOOK_UP }: PatchOptions = {},
-): () => void {
+export function patch(material: Material, uniforms: Uniforms, { uv = 0, flipY = true }: PatchOptions = {}): () => void {
   if (patched.has(material)) {
     throw new Error(`material "${material.name}" is redirected already: meshes with maps of their own need clones`);
   }
   patched.add(material);
-  const head = declarations(flipY, lookUp);
+  const head = declarations(flipY);
   const attribute = uv === 0 ? "uv" : `uv${uv}`;
   const transformOf = (slot?: string) => {
     if (!slot) {
