@@ -97,7 +97,8 @@ export async function load({ path, file }: Named, files: Named[], notes: string[
       throw new Error(`${file.name} needs ${list(unknown)}, which this page cannot read: export it without.`);
     }
     const meshes: { primitives: { attributes: { POSITION: number } }[] }[] = json.meshes ?? [];
-    const vertices = new Set(meshes.flatMap(({ primitives }) => primitives.map(({ attributes }) => attributes.POSITION)));
+    const primitives = meshes.flatMap(({ primitives }) => primitives);
+    const vertices = new Set(primitives.map(({ attributes }) => attributes.POSITION));
     const total = [...vertices].reduce((sum, k) => sum + (json.accessors?.[k]?.count ?? 0), 0);
     if (total > limits().vertices) {
       throw tooLarge(file.name, total, limits().vertices, "vertices");

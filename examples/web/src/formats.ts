@@ -1,36 +1,14 @@
 /** Files that other programs read: pixels as PNG and EXR, motion as USD. */
 import { DataTexture, FloatType, HalfFloatType, RGBAFormat } from "three";
 import { EXRExporter } from "three/addons/exporters/EXRExporter.js";
-import { zlibSync } from "three/addons/libs/fflate.module.js";
 import type { Source } from "vrtm/three";
 
-/** PNG of one channel (grey) or three, with 8 or 16 bits; the first row is at the top. */
-export function png(size: number, channels: 1 | 3, values: Uint8Array | Uint16Array): Uint8Array {
-  const bytes = values.BYTES_PER_ELEMENT;
-  const row = size * channels * bytes;
-  // Each row begins with its filter: none.
-  const lines = new Uint8Array(size * (row + 1));
-  for (let k = 0; k < size * row; k++) {
-    lines[k + 1 + Math.floor(k / row)] = bytes === 1 ? values[k] : values[k >> 1] >> (k & 1 ? 0 : 8);
-  }
-  const chunk = (kind: string, data: Uint8Array) => {
-    const made = Uint8Array.from([0, 0, 0, 0, ...new TextEncoder().encode(kind), ...new Array(data.length + 4)]);
-    made.set(data, 8);
-    let crc = ~0;
-    for (let k = 4; k < made.length - 4; k++) {
-      crc ^= made[k];
-      for (let bit = 0; bit < 8; bit++) {
-        crc = (crc >>> 1) ^ (crc & 1 && 0xedb88320);
-      }
-    }
-    new DataView(made.buffer).setUint32(0, data.length);
-    new DataView(made.buffer).setUint32(data.length + 8, ~crc);
-    return made;
-  };
-  const side = [size >> 24, size >> 16, size >> 8, size];
-  const head = Uint8Array.of(...side, ...side, 8 * bytes, channels === 1 ? 0 : 2, 0, 0, 0);
-  const chunks = [chunk("IHDR", head), chunk("IDAT", zlibSync(lines)), chunk("IEND", new Uint8Array())];
-  return Uint8Array.from([137, 80, 78, 71, 13, 10, 26, 10, ...chunks.flatMap((made) => [...made])]);
+/** PNG of grey values; the first row is at the top. */
+export async function png(size: number, values: Uint8Array): Promise<Uint8Array> {
+  const canvas = new OffscreenCanvas(size, size);
+  const rgba = Uint8ClampedArray.from({ length: 4 * size * size }, (_, k) => (k % 4 === 3 ? 255 : values[k >> 2]));
+  canvas.getContext("2d")!.putImageData(new ImageData(rgba, size, size), 0, 0);
+  return new Uint8Array(await (await canvas.convertToBlob()).arrayBuffer());
 }
 
 /** EXR of two numbers per texel, u in R and v in G, as floats or half floats; the first row is at the top. */

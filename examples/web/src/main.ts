@@ -285,7 +285,7 @@ function start(): void {
   mountFiles(body, element<HTMLInputElement>("file"), (files) => void show(own(files)));
   element<HTMLSelectElement>("clip").addEventListener("change", ({ target }) => {
     playClip(open!, open!.clips[Number((target as HTMLSelectElement).value)]);
-    open!.loop.clear();
+    open!.loop = new Loop();
     slider.max = String(open!.clip!.duration);
     seek(0);
     play(true);

@@ -1,9 +1,9 @@
 /** glTF of meshes with morph targets of positions and UVs, as `vrtm bake --gltf` has them. */
 import {
-  AnimationClip, BufferAttribute, BufferGeometry, DataUtils, Mesh, NumberKeyframeTrack, Scene, type Object3D,
+  AnimationClip, BufferAttribute, BufferGeometry, Mesh, NumberKeyframeTrack, Scene, type Object3D,
 } from "three";
 import { GLTFExporter, type GLTFExporterPlugin, type GLTFWriter } from "three/addons/exporters/GLTFExporter.js";
-import { fit, type Basis } from "vrtm/three";
+import { fit, lookUp, type Basis } from "vrtm/three";
 import type { Part } from "./state.js";
 
 /** The most that positions may be off by, as a share of the mesh's size; and UVs between vertices, as far as so many
@@ -64,19 +64,10 @@ function means(values: ArrayLike<number>, width: number, pairs: Pairs): number[]
   return pairs.flatMap(([a, b]) => row.map((c) => (values[a * width + c] + values[b * width + c]) / 2));
 }
 
-/** A map at UVs of a mesh, by bilinear look-up, as what is to be added to them. */
-function lookedUp({ maps, size }: Basis, uvs: ArrayLike<number>, flipY: boolean): number[][] {
-  return maps.map((map) => {
-    const at = (i: number, j: number, c: number) =>
-      DataUtils.fromHalfFloat(map[2 * (((j + size) % size) * size + ((i + size) % size)) + c]);
-    return Array.from(uvs, (_, k) => {
-      const [u, v] = [uvs[k & ~1], uvs[k | 1]];
-      const [x, y] = [u, flipY ? 1 - v : v].map((t) => (t - Math.floor(t)) * size - 0.5);
-      const [i, j, c] = [Math.floor(x), Math.floor(y), k & 1];
-      const row = (j: number) => at(i, j, c) * (i + 1 - x) + at(i + 1, j, c) * (x - i);
-      return (c === 1 && !flipY ? -1 : 1) * (row(j) * (j + 1 - y) + row(j + 1) * (y - j));
-    });
-  });
+/** What each map adds to UVs of a mesh. */
+function lookedUp({ maps, size }: Basis, uvs: number[], flipY: boolean): number[][] {
+  return maps.map((map) =>
+    uvs.flatMap((u, k) => (k % 2 === 0 ? lookUp(map, size, u, uvs[k + 1], flipY) : [])));
 }
 
 /** The shapes that weights make poses of, nearest in the mean square, and those of what is left, with more weights. */

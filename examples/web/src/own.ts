@@ -1,8 +1,7 @@
 /** The visitor's own character, from a glTF file. */
 import {
-  AnimationClip, AnimationMixer, DataTexture, LinearFilter, LinearMipmapLinearFilter, NumberKeyframeTrack,
-  RepeatWrapping, SRGBColorSpace, type Material, type Mesh, type MeshStandardMaterial, type Object3D, type SkinnedMesh,
-  type Texture,
+  AnimationClip, AnimationMixer, CanvasTexture, NumberKeyframeTrack, RepeatWrapping, SRGBColorSpace, type Material,
+  type Mesh, type MeshStandardMaterial, type Object3D, type SkinnedMesh, type Texture,
 } from "three";
 import { redirect } from "vrtm/three";
 import { count, limits, list, load, tooLarge, type Named } from "./files.js";
@@ -227,34 +226,28 @@ function hasArea({ geometry: { attributes, index } }: Mesh, channel: number): bo
 
 /** Discs on a light ground, for what has no texture. */
 function pattern(): Texture {
-  const size = 512;
-  const texels = Uint8Array.from({ length: 4 * size * size }, (_, k) => {
-    const [x, y] = [(k >> 2) % size, (k >> 2) / size].map((t) => (Math.floor(t) % 32) - 15.5);
-    const inside = Math.min(1, Math.max(0, 9.5 - Math.hypot(x, y)));
-    return k % 4 === 3 ? 255 : 225 + inside * ([40, 90, 120][k % 4] - 225);
-  });
-  const texture = new DataTexture(texels, size, size);
+  const context = new OffscreenCanvas(512, 512).getContext("2d")!;
+  context.fillStyle = "#e1e1e1";
+  context.fillRect(0, 0, 512, 512);
+  context.fillStyle = "#285a78";
+  for (let k = 0; k < 256; k++) {
+    context.beginPath();
+    context.arc(32 * (k % 16) + 16, 32 * Math.floor(k / 16) + 16, 9, 0, 7);
+    context.fill();
+  }
+  const texture = new CanvasTexture(context.canvas);
   texture.wrapS = texture.wrapT = RepeatWrapping;
   texture.colorSpace = SRGBColorSpace;
-  texture.magFilter = LinearFilter;
-  texture.minFilter = LinearMipmapLinearFilter;
-  texture.generateMipmaps = texture.needsUpdate = true;
+  texture.flipY = false;
   return texture;
 }
 
 /** A texture as the mesh's own UVs see it, before the texture's transform; the first row is v = 1 of vrtm. */
 function unwrapped(texture: Texture, size: number): ImageData | null {
-  const image = texture.image as ImageBitmap | ImageData;
+  const image = texture.image as ImageBitmap;
   const canvas = new OffscreenCanvas(size, size);
   const context = canvas.getContext("2d", { willReadFrequently: true })!;
-  const source = new OffscreenCanvas(image.width, image.height);
-  const from = source.getContext("2d")!;
-  if ("data" in image) {
-    from.putImageData(new ImageData(new Uint8ClampedArray(image.data), image.width, image.height), 0, 0);
-  } else {
-    from.drawImage(image, 0, 0);
-  }
-  const tile = context.createPattern(source, "repeat")!;
+  const tile = context.createPattern(image, "repeat")!;
   texture.updateMatrix();
   const [a, b, , c, d, , e, f] = texture.matrix.elements;
   tile.setTransform(new DOMMatrix([a, b, c, d, e, f]).inverse().scale(1 / image.width, 1 / image.height));

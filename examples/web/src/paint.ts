@@ -17,22 +17,6 @@ export interface Host {
   say(text: unknown): void;
 }
 
-const CONTROLS = `
-  <fieldset aria-label="Tool">
-    <label><input type="radio" name="tool" value="turn" checked /><span>Turn</span></label>
-    <label><input type="radio" name="tool" value="paint" /><span>Paint</span></label>
-    <label><input type="radio" name="tool" value="erase" /><span>Erase</span></label>
-    <label><input type="radio" name="tool" value="pick" /><span>This colour keeps its shape</span></label>
-  </fieldset>
-  <label class="slide brush">Size <input type="range" name="radius" min="4" max="120" value="28" /></label>
-  <label class="slide brush">Softness <input type="range" name="softness" max="1" step="0.05" value="0.4" /></label>
-  <label class="slide pick">Colours alike
-    <input type="range" name="tolerance" min="0.02" max="0.8" step="0.02" value="0.2" /></label>
-  <p><button type="button" name="undo">Undo</button> <button type="button" name="redo">Redo</button>
-    <button type="button" name="clear">Clear</button></p>
-  <p class="texture">From the texture: <button type="button" name="bright">Bright</button>
-    <button type="button" name="dark">Dark</button> <button type="button" name="detail">Detail</button></p>`;
-
 /** Most dabs between two places of the pointer. */
 const DABS = 24;
 
@@ -43,7 +27,6 @@ interface Stroke {
 }
 
 export function mount(panel: HTMLElement, stage: Stage, host: Host) {
-  panel.innerHTML = CONTROLS;
   const { canvas, controls } = stage;
   const input = (name: string) => panel.querySelector<HTMLInputElement>(`[name=${name}]`)!;
   const value = (name: string) => Number(input(name).value);

@@ -1,10 +1,10 @@
 /** The picture: camera, light, one pane with a wipe or two, rings, and what the pointer is over. */
 import {
-  BackSide, Box3, BoxGeometry, DirectionalLight, HemisphereLight, Mesh, MeshBasicMaterial, NeutralToneMapping,
-  PMREMGenerator, PerspectiveCamera, Raycaster, Scene, Sphere, Spherical, Vector2, Vector3, WebGLRenderer,
-  type Object3D, type Ray, type Texture,
+  Box3, DirectionalLight, HemisphereLight, NeutralToneMapping, PMREMGenerator, PerspectiveCamera, Raycaster, Scene,
+  Sphere, Vector2, Vector3, WebGLRenderer, type Object3D, type Ray, type Texture,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
 import { dress, shared } from "./looks.js";
 import type { Part } from "./state.js";
 
@@ -13,26 +13,6 @@ export interface Sight {
   ray: Ray;
   redirected: boolean;
   pixel: number;
-}
-
-/** Surfaces that are bright on one side: reflections tell a shape better than lights do. */
-function studio(): Scene {
-  const scene = new Scene();
-  const box = new BoxGeometry();
-  const wall = (colour: number, strength: number, size: number[], at: number[]) => {
-    const material = new MeshBasicMaterial({ color: colour, side: BackSide });
-    material.color.multiplyScalar(strength);
-    const mesh = new Mesh(box, material);
-    mesh.scale.set(size[0], size[1], size[2]);
-    mesh.position.set(at[0], at[1], at[2]);
-    scene.add(mesh);
-  };
-  wall(0xdfe9ee, 0.55, [20, 20, 20], [0, 0, 0]);
-  wall(0xffffff, 9, [5, 0.2, 5], [-2, 7, 3]);
-  wall(0xfff0dd, 5, [0.2, 6, 3], [8, 3, 4]);
-  wall(0xcfe6ff, 3, [0.2, 5, 5], [-8, 1, -2]);
-  wall(0xd9e2e2, 1.1, [18, 0.2, 18], [0, -6, 0]);
-  return scene;
 }
 
 export class Stage {
@@ -61,6 +41,7 @@ export class Stage {
     const sun = new DirectionalLight(0xfff3e2, 1.7);
     sun.position.set(1.5, 4, 3);
     this.scene.add(sun, this.#sky);
+    this.scene.environmentIntensity = 0.75;
     // Reflections take software seconds to make: there the first pictures do without.
     const context = this.renderer.getContext();
     const info = context.getExtension("WEBGL_debug_renderer_info");
@@ -84,7 +65,7 @@ export class Stage {
   light(): void {
     if (!this.#environment) {
       const generator = new PMREMGenerator(this.renderer);
-      this.#environment = this.scene.environment = generator.fromScene(studio(), 0.03).texture;
+      this.#environment = this.scene.environment = generator.fromScene(new RoomEnvironment(), 0.03).texture;
       generator.dispose();
       this.#sky.removeFromParent();
       this.draw();
@@ -121,13 +102,8 @@ export class Stage {
 
   /** Turns the camera to the right and up, in radians. */
   turn(right: number, up: number): void {
-    const place = this.camera.position.clone().sub(this.controls.target);
-    const angles = new Spherical().setFromVector3(place);
-    angles.theta -= right;
-    angles.phi = Math.min(3, Math.max(0.14, angles.phi - up));
-    this.camera.position.setFromSpherical(angles).add(this.controls.target);
-    this.controls.update();
-    this.draw();
+    this.controls.rotateLeft(right);
+    this.controls.rotateUp(up);
   }
 
   close(): void {

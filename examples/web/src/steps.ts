@@ -11,9 +11,8 @@ export interface Change {
   texels: Uint8Array;
 }
 
-/** Steps and bytes that are kept at most; one step is kept in any case. */
-const MOST = 100;
-const MOST_BYTES = 32e6;
+/** Bytes that are kept at most; one step is kept in any case. */
+const MOST = 32e6;
 
 export function around(one: Rect | undefined, other: Rect): Rect {
   const [x, y, columns, rows] = one ?? other;
@@ -52,7 +51,7 @@ export class Steps {
       this.done.push(before);
       this.undone = [];
       const bytes = () => this.done.flat().reduce((sum, { texels }) => sum + texels.length, 0);
-      while (this.done.length > MOST || (this.done.length > 1 && bytes() > MOST_BYTES)) {
+      while (this.done.length > 1 && bytes() > MOST) {
         this.done.shift();
       }
     }

@@ -38,8 +38,4 @@ export class Loop {
     const [first] = [...this.#frames].sort(([, a], [, b]) => b.after - a.after);
     return first?.[0] ?? null;
   }
-
-  clear(): void {
-    this.#frames.clear();
-  }
 }

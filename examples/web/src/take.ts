@@ -29,25 +29,18 @@ function names({ name, parts }: Open): string[] {
 const text = (words: string) => new TextEncoder().encode(words);
 
 /** The redirection of the frame that is shown, as `vrtm bake` has it with `--form tile`. */
-async function map({ parts }: Open, all: string[], kind: "png" | "exr", tick: Tick): Promise<Made> {
+async function map(open: Open, tick: Tick): Promise<Made> {
   const files: Zippable = {};
-  let clamped = 0;
+  const { parts } = open;
   const poses = parts.map(({ source }) => source.pose());
-  for (const [k, name] of all.entries()) {
+  for (const [k, name] of names(open).entries()) {
     await tick(`Solving ${name}`);
     const size = parts[k].redirected.mapSize;
     const fetch = { tile: 0, kind: "uv", width: size, height: size } as const;
     const result = await parts[k].redirected.asset.redirect(poses[k], { replace: false }, [fetch]);
-    const uv = result!.images[0] as Float32Array;
-    const rgb = new Uint16Array(3 * size * size);
-    uv.forEach((x, n) => {
-      clamped += +(x < 0 || x > 1);
-      rgb[3 * (n >> 1) + (n & 1)] = Math.round(Math.min(1, Math.max(0, x)) * 65535);
-    });
-    files[`${name}.redirect.1001.${kind}`] = kind === "png" ? png(size, 3, rgb) : await exr(size, uv);
+    files[`${name}.redirect.1001.exr`] = await exr(size, result!.images[0] as Float32Array);
   }
-  const lost = kind === "png" && clamped > 0 ? ` ${clamped} numbers are clamped to 0 and 1; in EXR none is.` : "";
-  return { files, note: `u in red, v in green, v up.${lost}` };
+  return { files, note: "u in red, v in green, v up." };
 }
 
 /** Poses of each part in the frames of the clip, which then stands where it stood. */
@@ -129,14 +122,15 @@ async function settings(open: Open, tick: Tick): Promise<Made> {
 --seams shut --open-borders fixed --overlap fixed --quality normal --scale keep
 `;
   const moving = names(open).map((name, p) => ({ name, mesh: parts[p].source.mesh, poses: poses[p] }));
-  const painted = parts.map(({ rigidity, size }, p) => [`${prefixes[p]}rigidity.1001.png`, png(size, 1, rigidity)]);
-  const files = { "scene.usda": text(usda(moving, rate)), "bake.txt": text(options), ...Object.fromEntries(painted) };
+  const files: Zippable = { "scene.usda": text(usda(moving, rate)), "bake.txt": text(options) };
+  for (const [p, { rigidity, size }] of parts.entries()) {
+    files[`${prefixes[p]}rigidity.1001.png`] = await png(size, rigidity);
+  }
   return { files, note: "In its folder: vrtm bake scene.usda --settings bake.txt --out maps" };
 }
 
 const BUTTONS: [name: string, title: string, needsClip: boolean, make: Make][] = [
-  ["Map, PNG", "The redirection of this frame, in 16 bits", false, (open, tick) => map(open, names(open), "png", tick)],
-  ["Map, EXR", "The redirection of this frame, as floats", false, (open, tick) => map(open, names(open), "exr", tick)],
+  ["Map", "The redirection of this frame, as EXR", false, map],
   ["Basis maps", "A few maps for all frames with their weights, for game engines", true, basis],
   ["glTF", "The meshes, with UVs that move as morph targets", true, morphs],
   ["For vrtm bake", "Paint, motion and settings, for the command line", false, settings],

@@ -1,7 +1,8 @@
 /** vrtm/three in a page of its own: studs painted on a tube that its bones stretch and bend. */
 import {
   Bone, CanvasTexture, CylinderGeometry, DirectionalLight, DoubleSide, Float32BufferAttribute, Group,
-  MeshStandardMaterial, NeutralToneMapping, PMREMGenerator, PerspectiveCamera, Scene, Skeleton, SkinnedMesh, SRGBColorSpace, WebGLRenderer,
+  MeshStandardMaterial, NeutralToneMapping, PMREMGenerator, PerspectiveCamera, Scene, Skeleton, SkinnedMesh,
+  SRGBColorSpace, WebGLRenderer,
 } from "three";
 import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
 import { redirect } from "vrtm/three";
@@ -21,7 +22,8 @@ function draw(ground: string, stud: string): HTMLCanvasElement {
     const row = Math.floor(k / 5);
     const [x, y] = [((k % 5) + (row % 2 ? 0.7 : 0.3)) / 5, (row + 0.5) / 6];
     context.beginPath();
-    context.ellipse(x * SIZE, y * SIZE, (STUD * SIZE) / (2 * Math.PI * RADIUS), (STUD * SIZE) / LENGTH, 0, 0, 2 * Math.PI);
+    const [across, along] = [(STUD * SIZE) / (2 * Math.PI * RADIUS), (STUD * SIZE) / LENGTH];
+    context.ellipse(x * SIZE, y * SIZE, across, along, 0, 0, 2 * Math.PI);
     context.fill();
   }
   return canvas;
@@ -46,8 +48,9 @@ function tube(): SkinnedMesh {
   }
   geometry.setAttribute("skinIndex", new Float32BufferAttribute(indices, 4));
   geometry.setAttribute("skinWeight", new Float32BufferAttribute(weights, 4));
-  const look = { map, bumpMap: relief, bumpScale: 4, metalnessMap: relief, metalness: 1, roughness: 0.35, side: DoubleSide };
-  const mesh = new SkinnedMesh(geometry, new MeshStandardMaterial(look));
+  const mesh = new SkinnedMesh(geometry, new MeshStandardMaterial({
+    map, bumpMap: relief, bumpScale: 4, metalnessMap: relief, metalness: 1, roughness: 0.35, side: DoubleSide,
+  }));
   const bones = Array.from({ length: BONES }, () => new Bone());
   bones.forEach((bone, k) => (bones[k - 1] ?? mesh).add(bone));
   pose(mesh, bones, 0);

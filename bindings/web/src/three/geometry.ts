@@ -123,9 +123,9 @@ function atRest({ mesh, positions, skin }: Part, space: Matrix4): Float32Array {
   return out;
 }
 
-/** Welds vertices that coincide at rest and move alike, as importers split them at seams, and lets one of each stand for
- * it. Those of different meshes are welded if one skeleton alone moves both: morph influences and places of meshes may
- * change apart. */
+/** Welds vertices that coincide at rest and move alike, as importers split them at seams, and lets one of each stand
+ * for it. Those of different meshes are welded if one skeleton alone moves both: morph influences and places of meshes
+ * may change apart. */
 function join(parts: Part[], rests: Float32Array[]) {
   const moved = parts.map(({ mesh, morphs }) => (isSkinned(mesh) && morphs.length === 0 ? mesh.skeleton : mesh));
   const found = new Map<string, number>();

@@ -4,4 +4,4 @@ export {
 } from "./basis.js";
 export { Source, type SourceOptions } from "./geometry.js";
 export { patch, type PatchOptions, type Uniforms } from "./material.js";
-export { redirect, Redirected, type RedirectSettings, type Result } from "./redirect.js";
+export { lookUp, redirect, Redirected, type RedirectSettings, type Result } from "./redirect.js";

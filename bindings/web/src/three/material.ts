@@ -149,7 +149,8 @@ export function patch(material: Material, uniforms: Uniforms, { uv = 0, flipY = 
         shader.fragmentShader = redirected(shader.fragmentShader, head, transformOf);
       }
     }),
-    replace(material, "customProgramCacheKey", (before) => () => before.call(material) + (isLive ? `${uv} ${head}` : "")),
+    replace(material, "customProgramCacheKey", (before) => () =>
+      before.call(material) + (isLive ? `${uv} ${head}` : "")),
   ];
   material.needsUpdate = true;
   return () => {

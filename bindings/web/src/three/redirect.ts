@@ -125,16 +125,7 @@ export class Redirected {
 
   /** The UV that a place of the mesh, as a ray hits it, has its paint from. */
   uvAt(uv: { x: number; y: number }): Vector2 {
-    const { source: { flipY }, mapSize: n, delta } = this;
-    const [x, y] = [uv.x, flipY ? 1 - uv.y : uv.y].map((t) => t * n - 0.5);
-    const [i, j] = [Math.floor(x), Math.floor(y)];
-    const wrap = (k: number) => ((k % n) + n) % n;
-    const moved = [0, 1].map((channel) => {
-      const at = (i: number, j: number) => DataUtils.fromHalfFloat(delta[2 * (wrap(j) * n + wrap(i)) + channel]);
-      const row = (j: number) => at(i, j) * (i + 1 - x) + at(i + 1, j) * (x - i);
-      return row(j) * (j + 1 - y) + row(j + 1) * (y - j);
-    });
-    return new Vector2(uv.x + moved[0], uv.y + (flipY ? moved[1] : -moved[1]));
+    return new Vector2(...lookUp(this.delta, this.mapSize, uv.x, uv.y, this.source.flipY)).add(uv);
   }
 
   /** Restores meshes and materials, and ends the worker. */
@@ -144,6 +135,19 @@ export class Redirected {
     this.#texture.dispose();
     void this.asset.free();
   }
+}
+
+/** What a map of `n` x `n` texels adds to a UV of a mesh, by bilinear look-up; `flipY` is that of its `Source`. */
+export function lookUp(map: Uint16Array, n: number, u: number, v: number, flipY: boolean): [number, number] {
+  const [x, y] = [u, flipY ? 1 - v : v].map((t) => t * n - 0.5);
+  const [i, j] = [Math.floor(x), Math.floor(y)];
+  const wrap = (k: number) => ((k % n) + n) % n;
+  const [du, dv] = [0, 1].map((channel) => {
+    const at = (i: number, j: number) => DataUtils.fromHalfFloat(map[2 * (wrap(j) * n + wrap(i)) + channel]);
+    const row = (j: number) => at(i, j) * (i + 1 - x) + at(i + 1, j) * (x - i);
+    return row(j) * (j + 1 - y) + row(j + 1) * (y - j);
+  });
+  return [du, flipY ? dv : -dv];
 }
 
 /** Notes a mesh's pose, and returns what shows it. */
