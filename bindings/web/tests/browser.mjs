@@ -1,5 +1,5 @@
-// A browser without a window, with WebGL in software, and a server of files. CHROMIUM is its program; where there is none,
-// the tests say so.
+// A browser without a window, with WebGL in software, and a server of files. CHROMIUM is its program; where there is
+// none, the tests say so.
 import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";

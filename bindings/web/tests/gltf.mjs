@@ -1,7 +1,7 @@
-// A glTF that is made here: a sheet with red discs on its texture, which a skin or a morph target stretches in its middle.
+// A glTF that is made here: a sheet with red discs on its texture, whose middle a skin or a morph target stretches.
 import { PNG } from "pngjs";
 
-const COMPONENTS = { Int8Array: 5120, Uint8Array: 5121, Int16Array: 5122, Uint16Array: 5123, Uint32Array: 5125, Float32Array: 5126 };
+const COMPONENTS = { Int8Array: 5120, Uint8Array: 5121, Int16Array: 5122, Uint16Array: 5123, Float32Array: 5126 };
 export const bytesOf = (array) => Buffer.from(array.buffer, array.byteOffset, array.byteLength);
 
 export class Model {
@@ -21,7 +21,7 @@ export class Model {
 
   accessor(array, size, more) {
     const [componentType, count] = [COMPONENTS[array.constructor.name], array.length / size];
-    const type = ["SCALAR", "VEC2", "VEC3", "VEC4", , , , , , , , , , , , "MAT4"][size - 1];
+    const type = ["SCALAR", "VEC2", "VEC3", "VEC4"][size - 1];
     return this.add("accessors", { bufferView: this.view(bytesOf(array)), componentType, count, type, ...more });
   }
 
@@ -31,7 +31,8 @@ export class Model {
 
   /** The JSON and the bytes that it names. */
   parts(uri) {
-    return { json: JSON.stringify({ ...this.json, buffers: [{ uri, byteLength: this.#bytes.length }] }), bin: this.#bytes };
+    const bin = this.#bytes;
+    return { json: JSON.stringify({ ...this.json, buffers: [{ uri, byteLength: bin.length }] }), bin };
   }
 
   glb() {
@@ -78,9 +79,11 @@ export function attributes() {
   };
 }
 
+const plainly = (model, name, [array, size]) => model.accessor(array, size);
+
 /** The sheet as a model: `moves` by a skin, by a morph target, or not; `change` has its say on attributes first, and
  * `encode` makes the accessors. */
-export function sheet({ moves = "skin", image, change = (given) => given, encode = (model, name, [array, size]) => model.accessor(array, size) } = {}) {
+export function sheet({ moves = "skin", image, change = (given) => given, encode = plainly } = {}) {
   const model = new Model();
   const { index, target, JOINTS_0, WEIGHTS_0, ...plain } = change(attributes());
   const all = moves === "skin" ? { ...plain, JOINTS_0, WEIGHTS_0 } : plain;
@@ -89,55 +92,40 @@ export function sheet({ moves = "skin", image, change = (given) => given, encode
     primitive.attributes[name] = encode(model, name, given);
   }
   const { POSITION } = primitive.attributes;
-  const [low, high] = [Math.min, Math.max].map((most) => [0, 1, 2].map((k) => plain.POSITION[0].reduce((a, x, n) => (n % 3 === k ? most(a, x) : a), 0)));
-  Object.assign(model.json.accessors[POSITION], { min: low, max: high });
+  const [min, max] = [Math.min, Math.max].map((most) =>
+    [0, 1, 2].map((axis) => most(...plain.POSITION[0].filter((_, k) => k % 3 === axis))));
+  Object.assign(model.json.accessors[POSITION], { min, max });
   if (moves === "morph") {
     primitive.targets = [{ POSITION: model.accessor(...target) }];
   }
   model.add("meshes", { primitives: [primitive] });
   model.add("images", image ?? { bufferView: model.view(picture()), mimeType: "image/png" });
   model.add("textures", { source: 0 });
-  model.add("materials", { pbrMetallicRoughness: { baseColorTexture: { index: 0 }, metallicFactor: 0 }, doubleSided: true });
+  const pbrMetallicRoughness = { baseColorTexture: { index: 0 }, metallicFactor: 0 };
+  model.add("materials", { pbrMetallicRoughness, doubleSided: true });
   model.add("nodes", { mesh: 0 });
   if (moves === "skin") {
     model.json.nodes[0].skin = model.add("skins", { joints: [1, 2] });
     model.add("nodes", {});
     model.add("nodes", {});
     model.json.scenes[0].nodes.push(1, 2);
-    const sampler = { input: model.accessor(new Float32Array([0, 1]), 1, { min: [0], max: [1] }), output: model.accessor(new Float32Array([0, 0, 0, 0.7, 0, 0]), 3) };
-    model.add("animations", { name: "stretch", samplers: [sampler], channels: [{ sampler: 0, target: { node: 2, path: "translation" } }] });
+    const input = model.accessor(Float32Array.of(0, 1), 1, { min: [0], max: [1] });
+    const samplers = [{ input, output: model.accessor(Float32Array.of(0, 0, 0, 0.7, 0, 0), 3) }];
+    const channels = [{ sampler: 0, target: { node: 2, path: "translation" } }];
+    model.add("animations", { name: "stretch", samplers, channels });
   }
   return model;
 }
 
-/** EXT_meshopt_compression of an accessor's bytes: its plainest form, all differences as they are. */
-export function meshopt(bytes, stride) {
-  const count = bytes.length / stride;
-  const most = Math.min(256, (8192 / stride) & ~15);
-  const out = [0xa0];
-  for (let first = 0; first < count; first += most) {
-    const vertices = Math.min(most, count - first);
-    const groups = Math.ceil(vertices / 16);
-    for (let k = 0; k < stride; k++) {
-      out.push(...Array(Math.ceil(groups / 4)).fill(0xff));
-      for (let v = first; v < first + 16 * groups; v++) {
-        const step = v < first + vertices ? bytes[v * stride + k] - bytes[Math.max(v - 1, 0) * stride + k] : 0;
-        const signed = (step << 24) >> 24;
-        out.push(((signed >> 7) ^ (signed << 1)) & 0xff);
-      }
-    }
-  }
-  return Buffer.from([...out, ...Array(Math.max(32 - stride, 0)).fill(0), ...bytes.subarray(0, stride)]);
-}
-
-/** A mesh as Draco has it, in its plainest form: sequential, nothing compressed. `attributes` have a type (0 positions, 1
- * normals, 3 UVs, 4 others), an array and numbers per vertex. */
+/** A mesh as Draco has it, in its plainest form: sequential, nothing compressed. `attributes` have a type (0 positions,
+ * 1 normals, 3 UVs, 4 others), an array and numbers per vertex. */
 export function draco(index, attributes) {
   const varint = (n) => (n < 128 ? [n] : [(n & 127) | 128, ...varint(n >> 7)]);
   const kinds = { Uint8Array: 2, Float32Array: 9 };
   const [, [first, size]] = attributes[0];
   return Buffer.concat([
-    Buffer.from("DRACO"), Buffer.from([2, 2, 1, 0, 0, 0, ...varint(index.length / 3), ...varint(first.length / size), 1]),
+    Buffer.from("DRACO"), Buffer.from([2, 2, 1, 0, 0, 0]),
+    Buffer.from([...varint(index.length / 3), ...varint(first.length / size), 1]),
     bytesOf(index), Buffer.from([1, ...varint(attributes.length)]),
     ...attributes.map(([type, [array, size]], id) => Buffer.from([type, kinds[array.constructor.name], size, 0, id])),
     Buffer.from(attributes.map(() => 0)), ...attributes.map(([, [array]]) => bytesOf(array)),

@@ -71,10 +71,7 @@ test("steps of painting take bounded memory", async () => {
   const [steps, size] = [new Steps(), 4096];
   const part = { rigidity: new Uint8Array(size * size), size };
   const keep = (rect) => steps.keep([{ part, rect, texels: new Uint8Array(rect[2] * rect[3]) }]);
-  for (let k = 0; k < 200; k++) {
-    keep([k, 7, 2, 3]);
-  }
-  assert.equal(steps.done.length, 100);
+  keep([7, 7, 2, 3]);
   keep([0, 0, size, size]);
   keep([0, 0, size, size]);
   assert.equal(steps.done.length, 1, "both together have more than 32 MB");

@@ -63,8 +63,8 @@ function strainOf({ rest, pose, uvs, indices, uvIndices, delta, map, rigidity, s
           const middle = [(p[0] + q[0]) / 2, (p[1] + q[1]) / 2];
           const weight = Math.min(...[p, middle, q].map(rigid)) > 0.5 ? Math.hypot(p[0] - q[0], p[1] - q[1]) ** 2 : 0;
           if (weight > 0) {
-            const [now, then] = [[pose, from, to], [rest, p, q]].map(([of, a, b]) => distance(point(of, a), point(of, b)));
-            sum += weight * (now / then - 1) ** 2;
+            const now = distance(point(pose, from), point(pose, to));
+            sum += weight * (now / distance(point(rest, p), point(rest, q)) - 1) ** 2;
             total += weight;
           }
         }

@@ -33,8 +33,8 @@ function texture(flipY, colour) {
   for (let k = 0; k < SIZE * SIZE; k++) {
     data.set([...colour(k), 1].map((c) => Math.round(255 * c)), 4 * k);
   }
-  const [wrapS, wrapT] = [THREE.RepeatWrapping, THREE.RepeatWrapping];
-  return Object.assign(new THREE.DataTexture(data, SIZE, SIZE), MIPMAPS, { flipY, generateMipmaps: true, wrapS, wrapT });
+  const repeat = { wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping };
+  return Object.assign(new THREE.DataTexture(data, SIZE, SIZE), MIPMAPS, repeat, { flipY, generateMipmaps: true });
 }
 const paint = (flipY) => texture(flipY, (k) => [rigidity[k], 0.2, 0.3]);
 
@@ -134,7 +134,8 @@ function ellipses(data, channel = 0) {
 /** Mean difference of two pictures' bytes, and the largest; only of some columns. */
 function difference(a, b, from = 0, to = 800) {
   const apart = a.map((value, k) => ((k >> 2) % 800 >= from && (k >> 2) % 800 < to ? Math.abs(value - b[k]) : 0));
-  return { mean: apart.reduce((sum, value) => sum + value, 0) / a.length, most: apart.reduce((x, y) => Math.max(x, y)) };
+  const most = apart.reduce((x, y) => Math.max(x, y));
+  return { mean: apart.reduce((sum, value) => sum + value, 0) / a.length, most };
 }
 
 Object.assign(window, {
