@@ -4,13 +4,12 @@ import { hands } from "./hands.js";
 import { read, restroke, strokes, write, type Kept } from "./link.js";
 import { LOOKS, shared, type Look } from "./looks.js";
 import { missing } from "./missing.js";
-import { dispose, openFiles, play as playClip } from "./own.js";
+import { dispose, memory, openFiles, play as playClip } from "./own.js";
 import { mount as mountPaint } from "./paint.js";
 import { ring } from "./rings.js";
 import { SCENES, openScene, type Scene } from "./scenes.js";
 import { Stage } from "./stage.js";
-import type { Part } from "./state.js";
-import { Loop, measured, percent, words, type Measure } from "./strain.js";
+import { Loop, measured, tell } from "./strain.js";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const { body } = document;
@@ -102,20 +101,11 @@ async function enter(made: Shown, kept: Partial<Kept>): Promise<void> {
   stage.show(made.root, kept.view ?? made.direction);
   stage.dress(parts);
   say("One moment: vrtm is solving");
-  const grids = await Promise.all(parts.map(({ redirected }) => redirected.asset.grid(0)));
-  element("notes").textContent = [...notes, memory(parts, grids)].join(" ");
+  element("notes").textContent = [...notes, await memory(parts)].join(" ");
   await solve("draft");
   if (!playing || !clip) {
     moved();
   }
-}
-
-/** Bytes of what is open: per node and triangle of the solver, per texel of maps and textures. */
-function memory(parts: Part[], grids: [number, number][]): string {
-  const bytes = parts.reduce((sum, { source: { mesh }, size, redirected: { mapSize } }, k) =>
-    sum + 157 * grids[k][0] * grids[k][1] + 116 * (mesh.indices.length / 3) + 8 * mapSize ** 2 + 22 * size ** 2, 0);
-  const cells = grids.map((grid) => grid.join(" × ")).join(", ");
-  return `Solved on ${cells} cells; this takes about ${Math.ceil(bytes / 1e6)} MB.`;
 }
 
 function close(): void {
@@ -159,23 +149,15 @@ async function solve(quality: "draft" | "normal"): Promise<void> {
   body.dataset.state = playing ? "playing" : "still";
   body.dataset.solved = quality;
   if (measure) {
-    figures(measured(parts));
+    const strain = measured(parts);
+    if (strain) {
+      now.loop.add(at, strain);
+    }
+    tell(strain);
+    element<HTMLButtonElement>("worst").disabled = now.loop.worst() === null;
   }
   hand.layout();
   stage.draw();
-}
-
-/** Tells what is stretched; `null` where nothing is painted. */
-function figures(strain: Measure | null): void {
-  const shares = { ".without b": strain?.before, ".with b": strain?.after };
-  for (const [name, share] of Object.entries(shares)) {
-    document.querySelector(name)!.textContent = share === undefined ? "" : `${percent(share)} stretched`;
-  }
-  element("numbers").textContent = strain ? words(strain) : "Nothing is painted that keeps its shape.";
-  if (strain) {
-    open!.loop.add(shownTime, strain);
-  }
-  element<HTMLButtonElement>("worst").disabled = open!.loop.worst() === null;
 }
 
 const drawn = () => new Promise((resolve) => element("view").addEventListener("drawn", resolve, { once: true }));

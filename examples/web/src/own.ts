@@ -132,6 +132,15 @@ export function dispose({ root, clip, parts }: Open): void {
   images(root).forEach((image) => image.close?.());
 }
 
+/** What is open in bytes: per node and triangle of the solver, per texel of maps and textures. */
+export async function memory(parts: Part[]): Promise<string> {
+  const grids = await Promise.all(parts.map(({ redirected }) => redirected.asset.grid(0)));
+  const bytes = parts.reduce((sum, { source: { mesh }, size, redirected: { mapSize } }, k) =>
+    sum + 157 * grids[k][0] * grids[k][1] + 116 * (mesh.indices.length / 3) + 8 * mapSize ** 2 + 22 * size ** 2, 0);
+  const cells = grids.map((grid) => grid.join(" × ")).join(", ");
+  return `Solved on ${cells} cells; this takes about ${Math.ceil(bytes / 1e6)} MB.`;
+}
+
 const materials = (object: Object3D): Material[] => [(object as Mesh).material ?? []].flat();
 const textures = (material: Material): Texture[] => Object.values(material).filter((value) => value?.isTexture);
 

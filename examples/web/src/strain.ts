@@ -18,12 +18,21 @@ export function measured(parts: Part[]): Measure | null {
   return sum > 0 ? { before: mean(({ strain }) => strain!.before), after: mean(({ strain }) => strain!.after) } : null;
 }
 
-export const percent = (share: number) => `${(100 * share).toFixed(share < 0.0995 ? 1 : 0)} %`;
+const percent = (share: number) => `${(100 * share).toFixed(share < 0.0995 ? 1 : 0)} %`;
 
-export const words = ({ before, after }: Measure) =>
+const words = ({ before, after }: Measure) =>
   before < 0.005
     ? "Nothing that is painted is stretched on this frame."
     : `Painted features were stretched by ${percent(before)} on average, now by ${percent(after)}.`;
+
+/** Tells what is stretched; `null` where nothing is painted. */
+export function tell(strain: Measure | null): void {
+  for (const [name, share] of [["without", strain?.before], ["with", strain?.after]] as const) {
+    document.querySelector(`.${name} b`)!.textContent = share === undefined ? "" : `${percent(share)} stretched`;
+  }
+  const numbers = document.getElementById("numbers")!;
+  numbers.textContent = strain ? words(strain) : "Nothing is painted that keeps its shape.";
+}
 
 /** The measures of a loop's frames, by their time. */
 export class Loop {
