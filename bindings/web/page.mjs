@@ -31,7 +31,7 @@ for (const file of ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.txt"]) {
   cpSync(`${here}dist/${file}`, out + file);
 }
 cpSync(`${here}node_modules/three/LICENSE`, `${out}LICENSE-three`);
-// Loaded only for a visitor's file that asks for it.
+// Loaded only for a file that asks for it.
 cpSync(`${here}node_modules/three/examples/jsm/libs/draco/gltf`, `${out}draco`, { recursive: true });
 cpSync(`${here}node_modules/three/examples/jsm/libs/draco/README.md`, `${out}draco/README.md`);
 cpSync(`${here}dist/wasm/vrtm_bg.wasm`, `${out}vrtm_bg.wasm`);

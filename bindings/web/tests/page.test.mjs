@@ -253,7 +253,7 @@ test("its pictures in the documentation", { ...options, skip: pictures }, async 
     writeFileSync(new URL(`../../../docs/images/${name}`, import.meta.url), bytes);
   };
   await seek(page, 3);
-  await page.mouse.move(420, 400);
+  await page.mouse.move(395, 400);
   await picture(page);
   // Six bits of a colour are enough here, and half of the bytes.
   const shown = PNG.sync.read(Buffer.from(await page.screenshot()));

@@ -86,7 +86,7 @@ export async function load({ path, file }: Named, files: Named[], notes: string[
     urls.push(URL.createObjectURL(found.file));
     return urls.at(-1)!;
   });
-  // The decoders come from the package three: 0.06 MB by Brotli, which only a visitor with such a file loads.
+  // Its decoder is 0.06 MB by Brotli, which only such a file loads.
   const draco = new DRACOLoader().setDecoderPath("draco/");
   const check = async (): Promise<void> => {
     const { json, extensions, plugins, options } = parser!;
