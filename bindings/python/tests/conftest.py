@@ -90,3 +90,12 @@ def asset(device: vrtm.Device, model: SimpleNamespace) -> Iterator[vrtm.Asset]:
     with studded(device, model) as asset:
         asset.tile(1001).set_settings(grid_width=128, grid_height=128)
         yield asset
+
+
+def real_mesh(name: str) -> Path:
+    """The folder of a real mesh, which lies beside the repository; skips the test where there is none."""
+    folder = Path(os.environ.get("VRTM_ASSETS") or REPOSITORY.parent / "shared" / "assets") / name
+    if not folder.is_dir():
+        assert not os.environ.get("VRTM_REQUIRE_ASSETS"), f"{folder} is missing"
+        pytest.skip(f"skipped: no {folder}")
+    return folder
