@@ -15,7 +15,7 @@ use crate::save::{encode, file, rigidity};
 pub struct Question {
     pressed: Pressed,
     paths: Vec<PathBuf>,
-    /// Those that would be replaced.
+    /// Files that would be replaced.
     files: Vec<String>,
 }
 

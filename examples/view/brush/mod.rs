@@ -1,6 +1,6 @@
-//! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what a stroke changes in the
-//! maps (`painter`, on the surface of `vrtm_paint`), maps from textures (`textures`), tools that change all of a map
-//! (`whole`), and taking back what was done (`steps`).
+//! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what a stroke changes
+//! in the maps (`painter`, on the surface of `vrtm_paint`), maps from textures (`textures`), tools that change all of
+//! a map (`whole`), and taking back what was done (`steps`).
 
 pub mod canvas;
 pub mod kind;

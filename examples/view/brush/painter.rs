@@ -17,7 +17,7 @@ struct Touched {
     before: Vec<u16>,
     /// Coverage of each texel by the stroke: parts of it that overlap do not add up.
     cover: Vec<f32>,
-    /// Where it changed something.
+    /// The texels that it changed.
     rect: Option<Rect>,
 }
 
@@ -46,8 +46,8 @@ impl Painter {
         Painter { charts, islands: islands(&model.triangles), ..self }
     }
 
-    /// Goes on with a stroke: paints around points of the surface, with radii in space. `seen` holds the results through which the texture is
-    /// seen, or nothing for the original UVs.
+    /// Goes on with a stroke: paints around points of the surface, with radii in space. `seen` holds the results
+    /// through which the texture is seen, or nothing for the original UVs.
     pub fn dab(
         &mut self,
         model: &Model,

@@ -36,7 +36,8 @@ pub struct Choice {
     pub animation: Option<String>,
 
     /// Frames per second of the timeline, and of the poses from a glTF file's animation
-    #[arg(long = "fps", value_name = "N", default_value_t = RATE, value_parser = clap::value_parser!(u16).range(1..=240))]
+    #[arg(long = "fps", value_name = "N", default_value_t = RATE)]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..=240))]
     pub rate: u16,
 }
 
