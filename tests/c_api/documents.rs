@@ -87,6 +87,7 @@ fn the_code_in_the_documents_is_in_programs_that_run() {
     let programs = [
         "examples/hosts/houdini/SOP_VrtmWarp.cpp",
         "tests/host/farm.cpp",
+        "tests/host/grid.cpp",
         "tests/host/maya_plugin.cpp",
         "tests/host/viewport.cpp",
         "tests/host/wrapper.cpp",
