@@ -193,6 +193,7 @@ test("a folder is dropped, with buffers and images in folders of their own", opt
   }
   const { notes, clip } = await said(page, () => drop(page, folder));
   assert.deepEqual([notes.length, clip], [1, "stretch"]);
+  assert.ok(await page.$eval("#drop", (zone) => zone.hidden), "the place to drop files covers what is open");
   const [before, after] = await strain();
   assert.ok(before > 0.3 && after < 0.02, `${before} -> ${after}`);
 });

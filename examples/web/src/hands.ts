@@ -62,9 +62,10 @@ export function hands(stage: Stage, host: Host) {
     }
   });
 
-  addEventListener("dragenter", () => (drop.hidden = false));
+  addEventListener("dragover", () => (drop.hidden = false));
   for (const end of ["dragleave", "drop"] as const) {
-    addEventListener(end, ({ relatedTarget }) => (drop.hidden = relatedTarget !== null));
+    // Null where the file leaves the window, and where it is dropped.
+    addEventListener(end, ({ relatedTarget }) => (drop.hidden = relatedTarget === null));
   }
   return { layout, wipeTo };
 }
