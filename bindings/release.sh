@@ -13,7 +13,7 @@ usage: sh bindings/release.sh [options]
   --out DIR          where to write to (target/release-archive)
   --python PROGRAM   a Python 3.11 or newer with pip, hatchling and pycparser: also makes the wheel, the add-on, the package
                      for Unity and the SPDX file; with auditwheel it confirms the wheel's tag
-  --web              packs bindings/web/dist and examples/web/dist, which `npm run build` has made; makes no library. With
+  --web              pack bindings/web/dist and examples/web/dist, which `npm run build` has made, and no library; with
                      --python also the SPDX file
   --glibc X.Y        link for this glibc or a newer one, by zig: ZIG is its program, or "PYTHON -m ziglang"
   --max-glibc X.Y    fail if the library needs a newer glibc

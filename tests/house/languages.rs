@@ -12,9 +12,16 @@ const COLUMNS: [(&str, &[&str]); 6] = [
     ("C++", &["include/vrtm.hpp", "include/vrtm.h"]),
     ("Rust", &["src", "crates/core/src", "crates/carry/src"]),
     ("Python", &["bindings/python/src/vrtm", "include/vrtm.h"]),
+    // Without the declarations that are written into src/wasm.
     (
         "JavaScript",
-        &["bindings/web/src/index.ts", "bindings/web/src/methods.ts", "bindings/web/src/worker_asset.ts"],
+        &[
+            "bindings/web/src/index.ts",
+            "bindings/web/src/methods.ts",
+            "bindings/web/src/paint.ts",
+            "bindings/web/src/three/basis.ts",
+            "bindings/web/src/worker_asset.ts",
+        ],
     ),
     ("C#", &["bindings/csharp/Asset.cs", "include/vrtm.h"]),
 ];
