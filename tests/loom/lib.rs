@@ -211,11 +211,11 @@ fn execute(model: Model, sums: &Sums) {
     let protocol = Arc::new(Protocol::new(1 + model.helpers));
     // By job: items that helpers ran. Not an atomic of loom, which would order the threads.
     let helped: Arc<Vec<_>> = Arc::new(model.jobs.iter().map(|_| AtomicUsize::new(0)).collect());
-    let helpers: Vec<_> = (0..model.helpers)
-        .map(|_| {
+    let helpers: Vec<_> = (1..=model.helpers)
+        .map(|number| {
             let (protocol, jobs, helped) = (protocol.clone(), jobs.clone(), helped.clone());
             loom::thread::spawn(move || {
-                protocol.help(|job: usize, k| {
+                protocol.help(number, |job: usize, k| {
                     helped[job].fetch_add(1, Ordering::Relaxed);
                     jobs.item(job, k);
                 });

@@ -105,7 +105,7 @@ impl Team {
             let _memory = memory.enter();
             let worker = Worker { number, team: without_provenance(address) };
             // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
-            protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });
+            protocol.help(number, |job, k| unsafe { (*job.0)(&worker, k) });
         };
         let body = || {
             let _memory = memory.enter();

@@ -151,7 +151,7 @@ impl<'a> Run<'a> {
         f: impl Fn(&Worker, usize, usize) + Sync,
     ) {
         self.team.run_on(blocks.len(), |worker, k| {
-            if let Some(&b) = blocks.get(k + self.team.threads()) {
+            if let Some(&b) = blocks.get(k + 1) {
                 next(b as usize);
             }
             f(worker, k, blocks[k] as usize);

@@ -25,13 +25,21 @@ pub struct Protocol<J> {
     state: AtomicU64,
     /// The job and the number of its items.
     job: Mutex<Option<(J, usize)>>,
-    /// The first item that no thread has taken.
-    next: AtomicUsize,
+    /// Each part's first item that no thread has taken. A part is a run of neighbouring items, which one thread begins
+    /// with in each job: what it wrote is still in its core's cache.
+    next: [Part; PARTS],
     sleep_lock: Mutex<()>,
     wakeup: Condvar,
     /// The first panic of a helper in this job.
     panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
+
+/// The most parts that the items of a job are divided into; further threads begin with parts of others.
+const PARTS: usize = 16;
+
+/// Aligned to cache lines of its own.
+#[repr(align(128))]
+struct Part(AtomicUsize);
 
 const JOINED: u64 = OPEN - 1;
 const OPEN: u64 = 1 << 16;
@@ -69,7 +77,7 @@ impl<J: Copy> Protocol<J> {
             threads,
             state: AtomicU64::new(0),
             job: Mutex::new(None),
-            next: AtomicUsize::new(0),
+            next: std::array::from_fn(|_| Part(AtomicUsize::new(0))),
             sleep_lock: Mutex::new(()),
             wakeup: Condvar::new(),
             panic: Mutex::new(None),
@@ -80,7 +88,9 @@ impl<J: Copy> Protocol<J> {
     /// function given to `help`. Returns, or unwinds if an item panicked, only after every helper that joined has left
     /// the job. After a panic some items may not have run. Must not be called while it runs, not even by an item.
     pub fn run(&self, job: J, count: usize, item: impl Fn(usize)) {
-        self.next.store(0, Ordering::Relaxed);
+        for part in 0..self.parts() {
+            self.next[part].0.store(self.first(part, count), Ordering::Relaxed);
+        }
         *lock(&self.job) = Some((job, count));
         let state = self.state.load(Ordering::Relaxed);
         assert!(state & (OPEN | JOINED) == 0, "another job is running");
@@ -89,7 +99,7 @@ impl<J: Copy> Protocol<J> {
         if self.state.swap((state / EPOCH + 1) * EPOCH + OPEN, Ordering::Release) & SLEEPING != 0 {
             self.wake();
         }
-        let own = catch_unwind(AssertUnwindSafe(|| self.work(count, item)));
+        let own = catch_unwind(AssertUnwindSafe(|| self.work(0, count, item)));
         self.state.fetch_and(!OPEN, Ordering::Relaxed);
         // Late helpers can no longer join; the work of the others happens before the end of this loop.
         while self.state.load(Ordering::Acquire) & JOINED != 0 {
@@ -103,8 +113,8 @@ impl<J: Copy> Protocol<J> {
         }
     }
 
-    /// A helper's side: runs items, with `item`, of every open job until `quit`.
-    pub fn help(&self, item: impl Fn(J, usize)) {
+    /// The side of a helper with this number: runs items, with `item`, of every open job until `quit`.
+    pub fn help(&self, number: usize, item: impl Fn(J, usize)) {
         let mut seen = 0;
         let mut spins = 0;
         loop {
@@ -132,7 +142,7 @@ impl<J: Copy> Protocol<J> {
             spins = 0;
             let job = *lock(&self.job);
             if let Some((job, count)) = job {
-                let result = catch_unwind(AssertUnwindSafe(|| self.work(count, |k| item(job, k))));
+                let result = catch_unwind(AssertUnwindSafe(|| self.work(number, count, |k| item(job, k))));
                 if let Err(panic) = result {
                     lock(&self.panic).get_or_insert(panic);
                 }
@@ -147,15 +157,30 @@ impl<J: Copy> Protocol<J> {
         }
     }
 
-    /// Takes items until none are left, several at a time if many are.
-    fn work(&self, count: usize, item: impl Fn(usize)) {
+    /// Number of parts that items are divided into.
+    fn parts(&self) -> usize {
+        self.threads.min(PARTS)
+    }
+
+    /// The first of the items of a part, or the number of items after the last part.
+    fn first(&self, part: usize, count: usize) -> usize {
+        count / self.parts() * part + (count % self.parts() * part) / self.parts()
+    }
+
+    /// Takes items until none are left, several at a time if many are: first those of the thread's own part, then what
+    /// is left of the others.
+    fn work(&self, number: usize, count: usize, item: impl Fn(usize)) {
         let chunk = (count / (self.threads * 8)).clamp(1, 16);
-        loop {
-            let first = self.next.fetch_add(chunk, Ordering::Relaxed);
-            if first >= count {
-                return;
+        for turn in 0..self.parts() {
+            let part = (number + turn) % self.parts();
+            let end = self.first(part + 1, count);
+            loop {
+                let first = self.next[part].0.fetch_add(chunk, Ordering::Relaxed);
+                if first >= end {
+                    break;
+                }
+                (first..(first + chunk).min(end)).for_each(&item);
             }
-            (first..(first + chunk).min(count)).for_each(&item);
         }
     }
 
