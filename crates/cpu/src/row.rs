@@ -13,7 +13,23 @@ pub struct Row {
     ci: usize,
     /// Row of nodes, 0..16.
     j: usize,
+    /// Places of the first lane's node and of its neighbours, from south-west to north-east.
+    places: &'static [usize; 9],
+    /// What the row adds to them.
+    up: usize,
 }
+
+/// The places of the neighbours of each node colour's first node, and of the node.
+const PLACES: [[usize; 9]; 4] = {
+    let mut places = [[0; 9]; 4];
+    let mut n = 0;
+    while n < 36 {
+        let (colour, k) = (n / 9, n % 9);
+        places[colour][k] = place((colour & 1) + k % 3, (colour >> 1) + k / 3);
+        n += 1;
+    }
+    places
+};
 
 impl Row {
     /// All rows of nodes of a node colour.
@@ -30,7 +46,7 @@ impl Row {
 
     #[inline(always)]
     fn new(colour: usize, k: usize) -> Self {
-        Row { ci: colour & 1, j: 2 * k + (colour >> 1 & 1) }
+        Row { ci: colour & 1, j: 2 * k + (colour >> 1 & 1), places: &PLACES[colour], up: 9 * k }
     }
 
     /// Column of the first lane's node.
@@ -48,7 +64,7 @@ impl Row {
     /// Index in a window of the first lane's neighbour at (di, dj). The neighbours of the other lanes follow.
     #[inline(always)]
     pub fn at(self, di: i64, dj: i64) -> usize {
-        place((self.ci as i64 + 1 + di) as usize, (self.j as i64 + 1 + dj) as usize)
+        self.places[(3 * (dj + 1) + di + 1) as usize] + self.up
     }
 
     /// Index in a plane of the first lane's node. The nodes of the other lanes follow.
