@@ -58,7 +58,7 @@ impl Run<'_> {
                     dispatch(Direction { z: unsafe { direction.get_mut(b) }, x: &step[b], beta: beta[c] });
                 });
             }
-            let curvature = multigrid::multiply(self, level, rows, direction, None, product);
+            let curvature = multigrid::multiply(self, level, rows, direction, product);
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
                     let alpha = (rz[c] / if curvature[c] > 0.0 { curvature[c] } else { 1.0 }) as f32;

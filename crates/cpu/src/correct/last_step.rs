@@ -7,7 +7,7 @@ use super::super::prefetch::nothing;
 use super::super::row::Row;
 use super::super::run::Run;
 use super::multigrid;
-use super::rows::{BlockRows, Pairs};
+use super::rows::BlockRows;
 use super::workspace::{Solving, SolvingLevel};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::codes::unpack_bfloat16;
@@ -48,13 +48,12 @@ impl Run<'_> {
         let SolvingLevel { rows, residual, direction, .. } = &solving.levels[0];
         let grid = &self.grid.levels[level];
         let next = |b: usize| rows.prefetch_next(b);
-        let products = self.sum_blocks(level, next, |worker, b| {
+        let products = self.sum_blocks(level, next, |_, b| {
             let mut words = [0; WINDOW_NODES];
             window::load(&grid.blocks.neighbours[b], 0, |b| &last_step[b], &mut words);
             let (rows, words) = (rows.block(b), &words);
             let (vectors, residual) = ([&solving.step[b], &direction[b]], &residual[b]);
-            let products = |pairs: &mut _| dispatch(Products { rows, pairs, words, vectors, residual });
-            DVec4::from(self.pairs.with(worker, products).map(f64::from))
+            DVec4::from(dispatch(Products { rows, words, vectors, residual }).map(f64::from))
         });
         let factors: Vec<Factors> = (0..predicted.len())
             .map(|c| {
@@ -122,7 +121,6 @@ impl Vectorised for Encode<'_> {
 /// The products of A p with p and with two other vectors, and that of p with the residual, in one block.
 struct Products<'a> {
     rows: BlockRows<'a>,
-    pairs: &'a mut Pairs,
     /// p.
     words: &'a Window<u32>,
     vectors: [&'a [Plane; 2]; 2],
@@ -134,15 +132,16 @@ impl Vectorised for Products<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> [f32; 4] {
-        self.rows.pairs::<V>(self.pairs);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         for (k, &word) in self.words.iter().enumerate() {
             let [x, y] = unpack_bfloat16(word);
             (windows[0][k], windows[1][k]) = (x, y);
         }
+        let mut of_pairs = [[0.0; WINDOW_NODES]; 2];
+        self.rows.add_product::<V>(&windows, &mut of_pairs);
         let mut sums = [V::zero(); 4];
         for row in Row::all() {
-            let product = multigrid::product::<V>(self.rows.diagonal, self.pairs, row, &windows);
+            let product = multigrid::with_diagonal::<V>(&self.rows, row, &windows, &of_pairs);
             for c in 0..2 {
                 let last = row.near::<V>(&windows[c], 0, 0);
                 sums[0] += product[c] * last;

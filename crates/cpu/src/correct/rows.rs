@@ -10,8 +10,8 @@ use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::codes::unpack_bfloat16;
-use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
-use vrtm_core::grid::window::{WINDOW_NODES, place};
+use vrtm_core::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
+use vrtm_core::grid::window::{WINDOW_NODES, Window, place};
 use vrtm_core::mesh::NONE;
 
 /// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n,
@@ -100,21 +100,31 @@ pub struct HaloGroup {
     slot: [usize; 2],
     /// First place of the nodes in the window, and stride.
     place: [usize; 2],
+    /// First place of the edges' other ends.
+    far: usize,
+}
+
+/// The place of an edge's other end, whose owner is the window's node (i, j).
+const fn far(edge: usize, i: usize, j: usize) -> usize {
+    place((i as i64 + EDGES[edge].0) as usize, (j as i64 + EDGES[edge].1) as usize)
 }
 
 /// Eight nodes of one colour in the southern row of the halo.
 const fn south(edge: usize, ci: usize) -> HaloGroup {
-    HaloGroup { edge, neighbour: 1, slot: [slot(ci, SIDE - 1), 1], place: [place(ci + 1, 0), 1] }
+    let (slot, far) = (slot(ci, SIDE - 1), far(edge, ci + 1, 0));
+    HaloGroup { edge, neighbour: 1, slot: [slot, 1], place: [place(ci + 1, 0), 1], far }
 }
 
 /// Eight nodes of one colour in the western column of the halo.
 const fn west(edge: usize, cj: usize) -> HaloGroup {
-    HaloGroup { edge, neighbour: 3, slot: [slot(SIDE - 1, cj), SIDE / 2], place: [place(0, cj + 1), 9] }
+    let (slot, far) = (slot(SIDE - 1, cj), far(edge, 0, cj + 1));
+    HaloGroup { edge, neighbour: 3, slot: [slot, SIDE / 2], place: [place(0, cj + 1), 9], far }
 }
 
 /// Eight nodes of one colour in the eastern column of the halo.
 const fn east(edge: usize, cj: usize) -> HaloGroup {
-    HaloGroup { edge, neighbour: 5, slot: [slot(0, cj), SIDE / 2], place: [place(SIDE + 1, cj + 1), 9] }
+    let (slot, far) = (slot(0, cj), far(edge, SIDE + 1, cj + 1));
+    HaloGroup { edge, neighbour: 5, slot: [slot, SIDE / 2], place: [place(SIDE + 1, cj + 1), 9], far }
 }
 
 /// The halo's nodes that own an edge into the block, without the corners. Nodes of the northern row own no such edge.
@@ -133,9 +143,12 @@ const HALO_GROUPS: [HaloGroup; 12] = [
     east(3, 1),
 ];
 
-/// The halo's two corner nodes that own an edge into the block: edge, neighbour block, slot, place.
-const HALO_CORNERS: [[usize; 4]; 2] =
-    [[2, 0, slot(SIDE - 1, SIDE - 1), place(0, 0)], [3, 2, slot(0, SIDE - 1), place(SIDE + 1, 0)]];
+/// The halo's two corner nodes that own an edge into the block: edge, neighbour block, slot, place, place of the edge's
+/// other end.
+const HALO_CORNERS: [[usize; 5]; 2] = [
+    [2, 0, slot(SIDE - 1, SIDE - 1), place(0, 0), far(2, 0, 0)],
+    [3, 2, slot(0, SIDE - 1), place(SIDE + 1, 0), far(3, SIDE + 1, 0)],
+];
 
 impl BlockRows<'_> {
     /// Decodes the pairs of the block's own nodes.
@@ -171,12 +184,80 @@ impl BlockRows<'_> {
                 }
             }
         }
-        for (n, &[edge, _, _, place]) in HALO_CORNERS.iter().enumerate() {
+        for (n, &[edge, _, _, place, _]) in HALO_CORNERS.iter().enumerate() {
             let at = HALO_GROUPS.len() * LANES + n;
             let pair = decode_one([self.halo[0][at], self.halo[1][at]]);
             for c in 0..4 {
                 pairs[4 * edge + c][place] = pair[c];
             }
+        }
+    }
+}
+
+impl BlockRows<'_> {
+    /// Adds A z without the diagonal blocks to `sum`, at the nodes of the block and, as far as z lies in the block, of
+    /// its halo: each pair is decoded once, for both of its nodes.
+    #[inline(always)]
+    pub fn add_product<V: Lanes>(&self, z: &[Window; 2], sum: &mut [Window; 2]) {
+        for row in Row::all() {
+            let [x, y] = each!([0, 1], |c| row.near::<V>(&z[c], 0, 0));
+            let mut own = each!([0, 1], |c| row.near::<V>(&sum[c], 0, 0));
+            each!([0, 1, 2, 3], |e| {
+                let (di, dj) = EDGES[e];
+                let s = row.slot();
+                let pair = decode::<V>(each!([0, 1], |w| V::load_index(&self.words[e][w], s)));
+                let [far_x, far_y] = each!([0, 1], |c| row.near::<V>(&z[c], di, dj));
+                own[0] += pair[0] * far_x + pair[1] * far_y;
+                own[1] += pair[2] * far_x + pair[3] * far_y;
+                let at = row.at(di, dj);
+                (V::load(&sum[0], at) + (pair[0] * x + pair[2] * y)).store(&mut sum[0], at);
+                (V::load(&sum[1], at) + (pair[1] * x + pair[3] * y)).store(&mut sum[1], at);
+            });
+            each!([0, 1], |c| row.store_in_window(&mut sum[c], own[c]));
+        }
+        for (g, group) in HALO_GROUPS.iter().enumerate() {
+            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&self.halo[w], g * LANES)));
+            let (near, far) = (Places(group.place), Places([group.far, group.place[1]]));
+            let [x, y] = each!([0, 1], |c| near.load::<V>(&z[c]));
+            let [far_x, far_y] = each!([0, 1], |c| far.load::<V>(&z[c]));
+            near.add::<V>(&mut sum[0], pair[0] * far_x + pair[1] * far_y);
+            near.add::<V>(&mut sum[1], pair[2] * far_x + pair[3] * far_y);
+            far.add::<V>(&mut sum[0], pair[0] * x + pair[2] * y);
+            far.add::<V>(&mut sum[1], pair[1] * x + pair[3] * y);
+        }
+        for (n, &[_, _, _, near, far]) in HALO_CORNERS.iter().enumerate() {
+            let at = HALO_GROUPS.len() * LANES + n;
+            let pair = decode_one([self.halo[0][at], self.halo[1][at]]);
+            for c in 0..2 {
+                sum[c][near] += pair[2 * c] * z[0][far] + pair[2 * c + 1] * z[1][far];
+                sum[c][far] += pair[c] * z[0][near] + pair[2 + c] * z[1][near];
+            }
+        }
+    }
+}
+
+/// Eight places of a window: the first one and the stride.
+#[derive(Clone, Copy)]
+struct Places([usize; 2]);
+
+impl Places {
+    #[inline(always)]
+    fn load<V: Lanes>(self, window: &Window) -> V {
+        let Places([first, step]) = self;
+        if step == 1 {
+            return V::load(window, first);
+        }
+        V::from_array(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| window[first + k * step]))
+    }
+
+    #[inline(always)]
+    fn add<V: Lanes>(self, window: &mut Window, x: V) {
+        let Places([first, step]) = self;
+        if step == 1 {
+            return (V::load(window, first) + x).store(window, first);
+        }
+        for (k, x) in x.to_array().into_iter().enumerate() {
+            window[first + k * step] += x;
         }
     }
 }
@@ -240,7 +321,7 @@ pub fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
             }
         }
     }
-    for (n, &[edge, neighbour, slot, _]) in HALO_CORNERS.iter().enumerate() {
+    for (n, &[edge, neighbour, slot, ..]) in HALO_CORNERS.iter().enumerate() {
         if neighbours[neighbour] != NONE {
             let from = &words[neighbours[neighbour] as usize][edge];
             for (halo, from) in halo.iter_mut().zip(from) {
