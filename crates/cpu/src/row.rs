@@ -19,6 +19,9 @@ pub struct Row {
     up: usize,
 }
 
+/// Rows of nodes of one node colour in a block.
+pub const ROWS: usize = 2 * SIDE;
+
 /// The places of the neighbours of each node colour's first node, and of the node.
 const PLACES: [[usize; 9]; 4] = {
     let mut places = [[0; 9]; 4];
@@ -41,7 +44,7 @@ impl Row {
     /// All rows of a block, node colour by node colour.
     #[inline(always)]
     pub fn all() -> impl Iterator<Item = Row> {
-        (0..2 * SIDE).map(|k| Row::new(k / (SIDE / 2), k % (SIDE / 2)))
+        (0..ROWS).map(|k| Row::new(k / (SIDE / 2), k % (SIDE / 2)))
     }
 
     #[inline(always)]

@@ -75,7 +75,7 @@ impl Patch {
     /// The energy of the pull in an edge with the offset d, θ |d - d'|² / |d0|², where d' is that of the previous
     /// result, and its contribution to the gradient at the node.
     #[inline(always)]
-    fn pull<V: Lanes>(&self, row: Row, d: &[V; 2], k: usize, weights: &Weights) -> (V, [V; 2]) {
+    pub fn pull<V: Lanes>(&self, row: Row, d: &[V; 2], k: usize, weights: &Weights) -> (V, [V; 2]) {
         let (di, dj, ..) = NEIGHBOURS[k];
         let stiffness = pull_stiffness(k, weights);
         let here = each!([0, 1], |c| row.near::<V>(&self.anchor[c], 0, 0));
@@ -244,7 +244,7 @@ impl Patch {
     /// The direction across the border at a row's nodes, with the root of the hold's weight, and the displacement along
     /// it.
     #[inline(always)]
-    fn moved_across<V: Lanes>(&self, row: Row, p: &NodeState<V>) -> ([V; 2], V) {
+    pub fn moved_across<V: Lanes>(&self, row: Row, p: &NodeState<V>) -> ([V; 2], V) {
         let across = each!([0, 1], |c| V::load(&self.hold[c], row.slot()));
         (across, across[0] * p.u[0] + across[1] * p.u[1])
     }
@@ -363,6 +363,12 @@ impl<V: Lanes> Edge<V> {
             * self.inverse_rest_square
     }
 
+    /// `smoothness` of an edge whose weight is 0.
+    #[inline(always)]
+    pub fn elastic_smoothness(&self, weights: &Weights) -> f32 {
+        (weights.smoothness + weights.smoothness_floor) * self.inverse_rest_square
+    }
+
     /// The stress stiffness of the edge (method §4, Derivatives). `length` is L.
     #[inline(always)]
     pub fn stress_stiffness(&self, length: V) -> V {
@@ -385,7 +391,7 @@ impl<V: Lanes> Edge<V> {
 
     /// The change d - d0 of the offset.
     #[inline(always)]
-    fn offset_change(&self, k: usize) -> [V; 2] {
+    pub fn offset_change(&self, k: usize) -> [V; 2] {
         each!([0, 1], |c| {
             let rest = if c == 0 { NEIGHBOURS[k].0 } else { NEIGHBOURS[k].1 };
             self.d[c] - V::splat(rest as f32)
@@ -394,7 +400,7 @@ impl<V: Lanes> Edge<V> {
 
     /// `normal`·d, which is |d0| times the component of d across d0.
     #[inline(always)]
-    fn normal_offset(&self) -> V {
+    pub fn normal_offset(&self) -> V {
         self.d[0] * self.normal[0] + self.d[1] * self.normal[1]
     }
 
