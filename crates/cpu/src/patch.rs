@@ -226,26 +226,24 @@ impl Patch {
     /// Mobility of the neighbours at (di, dj) of a row's nodes: 1 or 0.
     #[inline(always)]
     pub fn movable_near<V: Lanes>(&self, row: Row, di: i64, dj: i64) -> V {
-        V::load_u8(&self.movable, row.at(di, dj))
+        row.near_u8(&self.movable, di, dj)
     }
 
     /// The lanes of a row whose nodes are movable.
     #[inline(always)]
     pub fn movable_lanes<V: Lanes>(&self, row: Row) -> V::Mask {
-        V::zero().lt(V::load_u8(&self.movable, row.at(0, 0)))
+        V::zero().lt(self.movable_near(row, 0, 0))
     }
 
     /// The present state of a row's nodes.
     #[inline(always)]
     pub fn node_state<V: Lanes>(&self, row: Row) -> NodeState<V> {
-        let at = row.at(0, 0);
-        let s = row.slot();
         NodeState {
-            u: each!([0, 1], |c| V::load(&self.u[c], at)),
+            u: each!([0, 1], |c| row.near(&self.u[c], 0, 0)),
             samples: Samples {
-                value: each!([0, 1, 2], |c| V::load(&self.value[c], at)),
-                tangents: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.tangents[c], s)),
-                triangle: V::load_index(&self.triangle, at),
+                value: each!([0, 1, 2], |c| row.near(&self.value[c], 0, 0)),
+                tangents: each!([0, 1, 2, 3, 4, 5], |c| row.load(&self.tangents[c])),
+                triangle: row.near_index::<V>(&self.triangle, 0, 0),
             },
         }
     }
@@ -253,25 +251,23 @@ impl Patch {
     /// Stores the trial state of a row's nodes in the given lanes.
     #[inline(always)]
     pub fn accept<V: Lanes, S: Surface>(&mut self, row: Row, lanes: V::Mask, trial: &NodeState<V>) {
-        let (at, s) = (row.at(0, 0), row.slot());
+        let blend = |window: &mut Window, new: V| {
+            row.store_in_window(window, lanes.select(new, row.near(window, 0, 0)));
+        };
         for c in 0..2 {
-            blend(lanes, &mut self.u[c], at, trial.u[c]);
+            blend(&mut self.u[c], trial.u[c]);
         }
         for c in 0..3 {
-            blend(lanes, &mut self.value[c], at, trial.samples.value[c]);
+            blend(&mut self.value[c], trial.samples.value[c]);
         }
         if S::CHORDS {
             for c in 0..6 {
-                blend(lanes, &mut self.tangents[c], s, trial.samples.tangents[c]);
+                let old = row.load(&self.tangents[c]);
+                row.store(&mut self.tangents[c], lanes.select(trial.samples.tangents[c], old));
             }
-            let old = V::load_index(&self.triangle, at);
-            V::store_index(V::select_index(lanes, trial.samples.triangle, old), &mut self.triangle, at);
+            let old = row.near_index::<V>(&self.triangle, 0, 0);
+            let new = V::select_index(lanes, trial.samples.triangle, old);
+            V::store_index(new, &mut self.triangle, row.at(0, 0));
         }
     }
-}
-
-/// Overwrites the given lanes of eight values with `new`.
-#[inline(always)]
-fn blend<V: Lanes>(lanes: V::Mask, values: &mut [f32], at: usize, new: V) {
-    lanes.select(new, V::load(values, at)).store(values, at);
 }

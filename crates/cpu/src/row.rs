@@ -85,6 +85,24 @@ impl Row {
         V::load(unsafe { window.get_unchecked(at..at + LANES) }, 0)
     }
 
+    /// Like `near`, for indices.
+    #[inline(always)]
+    pub fn near_index<V: Lanes>(self, window: &Window<u32>, di: i64, dj: i64) -> V::Index {
+        assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
+        let at = self.at(di, dj);
+        // SAFETY: as in `near`.
+        V::load_index(unsafe { window.get_unchecked(at..at + LANES) }, 0)
+    }
+
+    /// Like `near`, for numbers of 8 bits.
+    #[inline(always)]
+    pub fn near_u8<V: Lanes>(self, window: &Window<u8>, di: i64, dj: i64) -> V {
+        assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
+        let at = self.at(di, dj);
+        // SAFETY: as in `near`.
+        V::load_u8(unsafe { window.get_unchecked(at..at + LANES) }, 0)
+    }
+
     /// Loads a plane's values at the row's nodes.
     #[inline(always)]
     pub fn load<V: Lanes>(self, plane: &Plane) -> V {

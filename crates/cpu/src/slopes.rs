@@ -33,7 +33,7 @@ impl Patch {
             End {
                 offset: row.offset(&self.u, &p.u, di, dj),
                 value: each!([0, 1, 2], |c| row.near(&self.value[c], di, dj)),
-                triangle: V::load_index(&self.triangle, row.at(di, dj)),
+                triangle: row.near_index::<V>(&self.triangle, di, dj),
             }
         });
         from_ends::<V, S>(&p.samples.tangents, p.samples.triangle, &ends)

@@ -57,7 +57,7 @@ impl Patch {
         let weight = row.near::<V>(&self.rigidity, 0, 0).max(row.near(&self.rigidity, di, dj));
         Edge {
             value: each!([0, 1, 2], |c| row.near(&self.value[c], di, dj)),
-            same_triangle: V::index_eq(V::load_index(&self.triangle, row.at(di, dj)), p.samples.triangle),
+            same_triangle: V::index_eq(row.near_index::<V>(&self.triangle, di, dj), p.samples.triangle),
             d: row.offset(&self.u, &p.u, di, dj),
             rest_length: row.near(&self.length[e], oi, oj),
             inverse_length: row.near(&self.inverse_length[e], oi, oj),
