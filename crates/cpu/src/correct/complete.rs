@@ -1,42 +1,36 @@
 //! Completes the rows of a level after its owned pairs and row sums are formed (method §7.2).
 
-use super::super::decode::interpolation;
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
-use super::super::prefetch::{nothing, prefetch, prefetch_next};
+use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Halo, Pairs, Rows, Words, halo_words};
-use super::transfer::{active_neighbours, add_interpolated};
+use super::transfer::{Weights, active_neighbours, coarse_nodes};
 use super::workspace::SolvingLevel;
-use vrtm_core::grid::planes::{NODES, Plane};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::grid::window::{WINDOW_NODES, Window};
 use vrtm_core::team::SharedSlice;
 
 /// Completes a level's rows, whose owned pairs and row sums are formed: copies the halo's pairs and computes the
 /// diagonals. If there is a coarser level to form (`coarser`), also sets the product to A P 1, from which `galerkin`
-/// computes that level's row sums; the direction serves as scratch memory.
+/// computes that level's row sums.
 pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: bool) {
     let grid = &run.grid.levels[level];
-    if coarser {
-        interpolated_ones(run, level, system.direction);
-    }
     let Rows { diagonal, words, halo } = &mut *system.rows;
     let (diagonal, halo, product) =
         (SharedSlice::new(diagonal), SharedSlice::new(halo), SharedSlice::new(system.product));
-    let (words, z) = (&*words, &*system.direction);
-    let next = |b: usize| {
-        prefetch_next(&words[b]);
-        if coarser {
-            prefetch_next(&z[b]);
-        }
-    };
+    let words = &*words;
+    let next = |b: usize| prefetch_next(&words[b]);
     run.each_block(level, next, |worker, b, _| {
         prefetch(&words[b]);
         let neighbours = active_neighbours(grid, b);
+        // P 1 is 1 if all coarse nodes from which the node is interpolated are movable, and less otherwise.
         let mut ones: Window = [0.0; WINDOW_NODES];
-        if coarser {
-            window::load(&neighbours, 0.0, |b| &z[b][0], &mut ones);
+        if coarser
+            && let Some([nodes]) = coarse_nodes(run, level, b, |b, _| &run.grid.levels[level + 1].movable[b])
+        {
+            Weights::new(grid, b).interpolate(&nodes, &mut ones);
         }
         // SAFETY: each item has its own block.
         let (diagonal, halo) = unsafe { (diagonal.get_mut(b), halo.get_mut(b)) };
@@ -47,21 +41,6 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
         run.pairs.with(worker, |pairs| {
             dispatch(Complete { words, halo, movable, pairs, diagonal, ones_and_product })
         });
-    });
-}
-
-/// Sets the first plane of `z` to P 1. A value is 1 if all coarse nodes from which the node is interpolated are
-/// movable, and less otherwise.
-fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
-    let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
-    let movable = |b: usize| &coarse.movable[b];
-    let z = SharedSlice::new(z);
-    run.each_block(level, nothing, |_, b, _| {
-        // SAFETY: each item has its own block.
-        let ones = unsafe { &mut z.get_mut(b)[0] };
-        *ones = [0.0; NODES];
-        let weights = interpolation(fine, &fine.blocks.neighbours[b]);
-        add_interpolated(run, level, b, &weights, movable, ones);
     });
 }
 

@@ -3,16 +3,16 @@
 //! node colours. It runs backwards after the coarse correction, so that the cycle is symmetric, as conjugate gradients
 //! require.
 
-use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
+use super::super::lanes::{Lanes, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch_next;
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Pairs, Rows};
-use super::transfer::{Weights, active_neighbours, add_coarse, sum_contributions};
+use super::transfer::{CoarseNodes, Weights, active_neighbours, coarse_nodes, sum_contributions};
 use super::workspace::SolvingLevel;
 use vrtm_core::allocation::Vec;
-use vrtm_core::grid::planes::{NODES, Plane};
+use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
 use vrtm_core::method::law::{COARSEST_SWEEPS, SMOOTHER_SWEEPS};
 use vrtm_core::team::SharedSlice;
@@ -23,148 +23,98 @@ pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec
     let coarsest = level + levels.len() - 1;
     for k in level..coarsest {
         let (finer, coarser) = levels.split_at_mut(k - level + 1);
-        descend(run, k, &mut finer[k - level]);
-        sum_contributions(run, k, finer[k - level].product, coarser[0].residual);
+        let system = &mut finer[k - level];
+        descend(run, k, system, SMOOTHER_SWEEPS, true);
+        sum_contributions(run, k, system.direction, coarser[0].residual);
     }
-    let mut dots = smooth_coarsest(run, coarsest, &mut levels[coarsest - level], coarsest == level);
+    // The coarsest level has more sweeps than the others.
+    let last = &mut levels[coarsest - level];
+    descend(run, coarsest, last, COARSEST_SWEEPS, false);
+    let mut dots = ascend(run, coarsest, last, COARSEST_SWEEPS, None, coarsest == level);
     for k in (level..coarsest).rev() {
         let (finer, coarser) = levels.split_at_mut(k - level + 1);
-        let SolvingLevel { rows, residual: r, direction, product } = &mut finer[k - level];
-        add_coarse(run, k, direction, coarser[0].direction, product);
-        let sweeps = Sweeps { count: SMOOTHER_SWEEPS, backwards: true };
-        dots = smooth(run, k, rows, r, Some(product), direction, sweeps, k == level);
+        let coarse = Some(&*coarser[0].direction);
+        dots = ascend(run, k, &mut finer[k - level], SMOOTHER_SWEEPS, coarse, k == level);
     }
     dots
 }
 
-/// The way down of a V-cycle on one level: sets the direction to the sweeps' result from 0, and the product to what the
-/// blocks' residuals contribute to the coarser level. The direction is a sum over blocks, so each block takes the
-/// residual of its own part, at its nodes and those of its halo, while it has its rows.
-fn descend(run: &Run, level: usize, system: &mut SolvingLevel) {
+/// The way down on one level: sweeps from 0, to the first two planes of the product. If it `contributes`, the direction
+/// becomes the blocks' contributions to the residual of the coarser level: the result is a sum over blocks, so each
+/// block takes the residual of its own part, at its nodes and those of its halo, while it has its rows.
+fn descend(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: u32, contributes: bool) {
     let grid = &run.grid.levels[level];
     let SolvingLevel { rows, residual: r, direction, product } = system;
     let (rows, r) = (&**rows, &**r);
-    let (direction, product) = (SharedSlice::new(direction), SharedSlice::new(product));
+    let (contributions, z) = (SharedSlice::new(direction), SharedSlice::new(product));
     let next = |b: usize| {
         rows.prefetch_next(b);
         prefetch_next(&r[b]);
     };
     run.each_block(level, next, |worker, b, _| {
         // SAFETY: each item has its own block.
-        let (z, contributions) = unsafe { (direction.get_mut(b), product.get_mut(b)) };
-        let weights = &Weights::new(grid, b);
+        let (z, contributions) = unsafe { (z.get_mut(b), contributions.get_mut(b)) };
+        let weights = contributes.then(|| Weights::new(grid, b));
+        let to_coarser = weights.as_ref().map(|weights| (weights, contributions));
+        let (rows, r, windows) = (rows.block(b), &r[b], &mut [[0.0; WINDOW_NODES]; 2]);
         run.pairs.with(worker, |pairs| {
-            dispatch(Descend { rows: rows.block(b), pairs, r: &r[b], weights, z, contributions });
+            let (down, from_coarser, dot) = (true, None, false);
+            dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, down, from_coarser, to_coarser, dot, z })
         });
     });
 }
 
-/// `descend` in one block.
-struct Descend<'a> {
-    rows: BlockRows<'a>,
-    pairs: &'a mut Pairs,
-    r: &'a [Plane; 2],
-    weights: &'a Weights,
-    z: &'a mut [Plane; 2],
-    contributions: &'a mut [Plane; 3],
-}
-
-impl Vectorised for Descend<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        let Descend { rows, pairs, r, weights, z, contributions } = self;
-        let (mut windows, mut sums) = ([[0.0; WINDOW_NODES]; 2], [[0.0; WINDOW_NODES]; 2]);
-        rows.pairs::<V>(pairs);
-        let sweeps = Sweeps { count: SMOOTHER_SWEEPS, backwards: false };
-        smooth_block::<V>(&rows, pairs, r, sweeps, true, &mut windows);
-        rows.add_product::<V>(&windows, &mut sums);
-        for sum in sums.as_flattened_mut() {
-            *sum = -*sum;
-        }
-        for row in Row::all() {
-            let [x, y] = each!([0, 1], |c| row.near::<V>(&windows[c], 0, 0));
-            let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&rows.diagonal[c]));
-            for (c, product) in [xx * x + xy * y, xy * x + yy * y].into_iter().enumerate() {
-                let rest = row.near::<V>(&sums[c], 0, 0) + (row.load::<V>(&r[c]) - product);
-                row.store_in_window(&mut sums[c], rest);
-            }
-            row.store(&mut z[0], x);
-            row.store(&mut z[1], y);
-        }
-        for c in 0..2 {
-            weights.restrict::<V>(&sums[c], &mut contributions[c]);
-        }
-    }
-}
-
-/// Approximately solves the coarsest level: a pass forwards, from 0, and one backwards, with more sweeps than
-/// elsewhere. Returns what `smooth` does.
-fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, dot: bool) -> Vec<f64> {
-    let SolvingLevel { rows, residual: r, direction, product } = system;
-    let sweeps = Sweeps { count: COARSEST_SWEEPS, backwards: false };
-    smooth(run, level, rows, r, None::<&[[Plane; 2]]>, product, sweeps, false);
-    smooth(run, level, rows, r, Some(&**product), direction, Sweeps { backwards: true, ..sweeps }, dot)
-}
-
-/// The sweeps of a pass, in this order of the node colours or the other.
-#[derive(Clone, Copy)]
-struct Sweeps {
-    count: u32,
-    backwards: bool,
-}
-
-/// A pass of the smoother of A z = r over all blocks, from `before` (`None`: from 0) to the first two planes of
-/// `after`: all sweeps of a block are done while it is in the cache, with its halo frozen at `before`. Returns r·z per
-/// chart, or 0 without `dot`.
-#[expect(
-    clippy::too_many_arguments,
-    reason = "the vectors of a level, which lie in memory of several shapes"
-)]
-fn smooth<const N: usize, const M: usize>(
+/// The way up: adds P times the coarser level's direction, if there is one, to the result of the way down, and sweeps
+/// backwards, to the direction. Returns r·z per chart, or 0 without `dot`.
+fn ascend(
     run: &Run,
     level: usize,
-    rows: &Rows,
-    r: &[[Plane; 2]],
-    before: Option<&[[Plane; N]]>,
-    after: &mut [[Plane; M]],
-    sweeps: Sweeps,
+    system: &mut SolvingLevel,
+    sweeps: u32,
+    coarse: Option<&[[Plane; 2]]>,
     dot: bool,
 ) -> Vec<f64> {
     let grid = &run.grid.levels[level];
-    let after = SharedSlice::new(after);
+    let SolvingLevel { rows, residual: r, direction, product } = system;
+    let (rows, r, before) = (&**rows, &**r, &**product);
+    let z = SharedSlice::new(direction);
     let next = |b: usize| {
         rows.prefetch_next(b);
         prefetch_next(&r[b]);
-        if let Some(before) = before {
-            prefetch_next(&before[b]);
-        }
+        prefetch_next(&before[b]);
     };
     run.sum_blocks(level, next, |worker, b| {
-        let mut windows = match before {
-            None => [[0.0; WINDOW_NODES]; 2],
-            // A block without movable nodes has no z; its memory may hold other quantities.
-            Some(before) => window::planes(&active_neighbours(grid, b), |b, c| &before[b][c]),
-        };
-        let (rows, r, windows, from_zero) = (rows.block(b), &r[b], &mut windows, before.is_none());
+        let rows = rows.block(b);
+        // A block without movable nodes has no z; its memory may hold other quantities.
+        let windows = &mut window::planes(&active_neighbours(grid, b), |b, c| &before[b][c]);
+        let coarse = coarse.and_then(|coarse| {
+            let nodes = coarse_nodes(run, level, b, |b, c| &coarse[b][c])?;
+            Some((Weights::new(grid, b), nodes))
+        });
+        let from_coarser = coarse.as_ref().map(|(weights, nodes)| (weights, nodes));
         // SAFETY: each item has its own block.
-        let z = unsafe { after.get_mut(b) };
-        let smooth =
-            |pairs: &mut _| dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, from_zero, dot, z });
-        f64::from(run.pairs.with(worker, smooth))
+        let (r, z) = (&r[b], unsafe { z.get_mut(b) });
+        f64::from(run.pairs.with(worker, |pairs| {
+            let (down, to_coarser) = (false, None);
+            dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, down, from_coarser, to_coarser, dot, z })
+        }))
     })
 }
 
-/// Does sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the
-/// block's part of r·z, or 0 without `dot`.
+/// Does sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the block's part of r·z, or
+/// 0 without `dot`.
 struct SmoothBlock<'a> {
     rows: BlockRows<'a>,
     pairs: &'a mut Pairs,
     r: &'a [Plane; 2],
     windows: &'a mut [Window; 2],
-    sweeps: Sweeps,
-    from_zero: bool,
+    sweeps: u32,
+    /// True on the way down: the sweeps begin at 0, and go forwards.
+    down: bool,
+    /// The coarser level's direction, which is added first.
+    from_coarser: Option<(&'a Weights, &'a [CoarseNodes; 2])>,
+    /// The array of the block's contributions to the coarser level.
+    to_coarser: Option<(&'a Weights, &'a mut [Plane; 2])>,
     /// True to compute r·z.
     dot: bool,
     z: &'a mut [Plane],
@@ -175,29 +125,55 @@ impl Vectorised for SmoothBlock<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f32 {
-        self.rows.pairs::<V>(self.pairs);
-        smooth_block::<V>(&self.rows, self.pairs, self.r, self.sweeps, self.from_zero, self.windows);
-        for row in Row::all() {
+        let SmoothBlock { rows, pairs, r, windows, sweeps, down, from_coarser, to_coarser, dot, z } = self;
+        if let Some((weights, nodes)) = from_coarser {
             for c in 0..2 {
-                row.store(&mut self.z[c], row.near::<V>(&self.windows[c], 0, 0));
+                weights.interpolate(&nodes[c], &mut windows[c]);
             }
         }
-        if self.dot { dot::<V>(self.r, self.z) } else { 0.0 }
+        rows.pairs::<V>(pairs);
+        smooth_block::<V>(&rows, pairs, r, sweeps, down, windows);
+        let mut sum = V::zero();
+        for row in Row::all() {
+            for c in 0..2 {
+                let x = row.near::<V>(&windows[c], 0, 0);
+                row.store(&mut z[c], x);
+                if dot {
+                    sum += row.load::<V>(&r[c]) * x;
+                }
+            }
+        }
+        if let Some((weights, contributions)) = to_coarser {
+            let mut rest = [[0.0; WINDOW_NODES]; 2];
+            rows.add_product::<V>(windows, &mut rest);
+            rest.as_flattened_mut().iter_mut().for_each(|x| *x = -*x);
+            for row in Row::all() {
+                let product = diagonal_product::<V>(rows.diagonal, row, windows);
+                for c in 0..2 {
+                    let own = row.near::<V>(&rest[c], 0, 0) + (row.load::<V>(&r[c]) - product[c]);
+                    row.store_in_window(&mut rest[c], own);
+                }
+            }
+            for c in 0..2 {
+                weights.restrict(&rest[c], &mut contributions[c]);
+            }
+        }
+        sum.sum()
     }
 }
 
-/// Sweeps inside a block. Fixed nodes stay 0, because their right-hand sides and pairs are 0. `from_zero`: z is 0, so that
-/// the first sweep, forwards, leaves out neighbours that it has not reached yet.
+/// Sweeps inside a block. Fixed nodes are 0 after the first sweep, because their right-hand sides and pairs are 0. On the
+/// way down z is 0, so that the first sweep leaves out neighbours that it has not reached yet.
 #[inline(always)]
 fn smooth_block<V: Lanes>(
     rows: &BlockRows,
     pairs: &Pairs,
     r: &[Plane; 2],
-    sweeps: Sweeps,
-    from_zero: bool,
+    sweeps: u32,
+    down: bool,
     z: &mut [Window; 2],
 ) {
-    if from_zero {
+    if down {
         each!([0, 1, 2, 3], |colour| {
             for row in Row::of_colour(colour) {
                 let known = |di: i64, dj: i64| colour ^ (di & 1) as usize ^ (dj & 1) as usize * 2 < colour;
@@ -206,9 +182,9 @@ fn smooth_block<V: Lanes>(
             }
         });
     }
-    for _ in u32::from(from_zero)..sweeps.count {
+    for _ in u32::from(down)..sweeps {
         for k in 0..4 {
-            for row in Row::of_colour(if sweeps.backwards { 3 - k } else { k }) {
+            for row in Row::of_colour(if down { k } else { 3 - k }) {
                 let product = off_diagonal::<V>(pairs, row, z, |_, _| true);
                 smooth_row::<V>(rows.diagonal, r, row, product, z);
             }
@@ -301,19 +277,14 @@ impl Vectorised for BlockProduct<'_> {
 /// A z for one row, where `sums` are the products of its pairs.
 #[inline(always)]
 pub fn with_diagonal<V: Lanes>(rows: &BlockRows, row: Row, z: &[Window; 2], sums: &[Window; 2]) -> [V; 2] {
-    let (x, y) = (row.near::<V>(&z[0], 0, 0), row.near::<V>(&z[1], 0, 0));
-    let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&rows.diagonal[c]));
-    [row.near::<V>(&sums[0], 0, 0) + (xx * x + xy * y), row.near::<V>(&sums[1], 0, 0) + (xy * x + yy * y)]
+    let product = diagonal_product::<V>(rows.diagonal, row, z);
+    each!([0, 1], |c| row.near::<V>(&sums[c], 0, 0) + product[c])
 }
 
-/// The dot product of two vectors in one block, in a fixed order.
+/// The products of a row's diagonal blocks with z.
 #[inline(always)]
-fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane]) -> f32 {
-    let mut sum = V::zero();
-    for c in 0..2 {
-        for s in (0..NODES).step_by(LANES) {
-            sum += V::load(&a[c], s) * V::load(&b[c], s);
-        }
-    }
-    sum.sum()
+fn diagonal_product<V: Lanes>(diagonal: &[Plane; 3], row: Row, z: &[Window; 2]) -> [V; 2] {
+    let (x, y) = (row.near::<V>(&z[0], 0, 0), row.near::<V>(&z[1], 0, 0));
+    let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
+    [xx * x + xy * y, xy * x + yy * y]
 }

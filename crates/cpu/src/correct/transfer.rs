@@ -2,21 +2,52 @@
 //! on rigidity, and the restriction Pᵀ of residuals (method §7.4 and §7.5).
 
 use super::super::decode::interpolation;
-use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
-use super::super::prefetch::{nothing, prefetch_next};
-use super::super::prolong;
+use super::super::lanes::{LANES, Lanes, Vectorised, each};
+use super::super::prefetch::nothing;
 use super::super::run::Run;
 use vrtm_core::grid::Level;
 use vrtm_core::grid::codes::decode_weight;
 use vrtm_core::grid::planes::{Plane, SIDE, node_at, slot};
-use vrtm_core::grid::window::{Window, place};
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::SharedSlice;
 
-/// Coarse nodes on a side to which a fine block and its halo contribute: the 8 over the block, and one on each side.
+/// Coarse nodes on a side over a fine block and its halo: the 8 over the block, and one on each side.
 const REACH: usize = SIDE / 2 + 2;
 
-/// The weights of P around a fine block.
+/// Values at the coarse nodes (-1..=8, -1..=8) over a fine block, row-major.
+pub type CoarseNodes = [[f32; REACH]; REACH];
+
+/// Gathers values at the coarse nodes over the fine block `b` of level `finer`; `coarse(b, c)` is plane `c` of coarse
+/// block `b`. `None` if no coarse block is stored over the fine one.
+pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a, const N: usize>(
+    run: &Run,
+    finer: usize,
+    b: usize,
+    coarse: impl Fn(usize, usize) -> &'a Plane<T>,
+) -> Option<[CoarseNodes; N]> {
+    let (fine_level, coarse_level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
+    let (parent, block) = (fine_level.parent[b], &fine_level.blocks.list[b]);
+    if parent == NONE {
+        return None;
+    }
+    let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
+    let mut nodes = [[[0.0; REACH]; REACH]; N];
+    let mut window = [T::default(); WINDOW_NODES];
+    for (c, nodes) in nodes.iter_mut().enumerate() {
+        let neighbours = &coarse_level.blocks.neighbours[parent as usize];
+        window::load(neighbours, T::default(), |b| coarse(b, c), &mut window);
+        for (j, row) in nodes.iter_mut().enumerate() {
+            for (i, node) in row.iter_mut().enumerate() {
+                *node = window[place(x + i, y + j)].into();
+            }
+        }
+    }
+    Some(nodes)
+}
+
+/// The weights of P around a fine block: of each node between two coarse ones that of the lower one, in odd rows those
+/// along x at odd columns, and those along y at even columns.
 pub struct Weights {
     /// Weights in the block's window.
     window: Window,
@@ -35,46 +66,75 @@ impl Weights {
         Weights { window: interpolation(level, neighbours), west }
     }
 
-    /// Sets `out` to Pᵀ t at the coarse nodes (-1..=8, -1..=8) over the block, row-major, where `t` is given in the
-    /// window.
+    /// Weights along y of row `w` of the window, an even one, at the coarse columns -1 to 8.
     #[inline(always)]
-    pub fn restrict<V: Lanes>(&self, t: &Window, out: &mut Plane) {
-        let weights = &self.window;
-        // Along x, for row `w` of the window: the coarse columns 0 to 7, and the columns -1 and 8.
-        let along_x = |w: usize| {
-            let [l, c, r] = each!([0, 1, 2], |n| V::load(t, place(n, w)));
-            let (west, east) = (V::one() - V::load(weights, place(0, w)), V::load(weights, place(2, w)));
-            let (last, end) = (place(SIDE, w), place(SIDE + 1, w));
-            let ends = [t[place(0, w)] * weights[place(0, w)], t[end] + t[last] * (1.0 - weights[last])];
-            (c + (l * west + r * east), ends)
-        };
-        // Weights along y of the window's row `w`, an even one, for the coarse row below it.
-        let along_y =
-            |w: usize| (V::load(weights, place(1, w)), [self.west[w / 2], weights[place(SIDE + 1, w)]]);
-        let (mut low, mut below) = ((V::zero(), [0.0; 2]), (V::one(), [1.0; 2]));
-        for j in 0..REACH {
-            let mut sum = low.0 * (V::one() - below.0);
-            let mut ends = each!([0, 1], |k| low.1[k] * (1.0 - below.1[k]));
-            if j > 0 {
-                let middle = along_x(2 * j - 1);
-                sum += middle.0;
-                each!([0, 1], |k| ends[k] += middle.1[k]);
+    fn along_y(&self, w: usize) -> [f32; REACH] {
+        let mut weights = [self.west[w / 2]; REACH];
+        weights[1..].copy_from_slice(&self.window[place(1, w)..][..REACH - 1]);
+        weights
+    }
+
+    /// Weights along x of row `w` of the window, at the odd columns -1 to 15.
+    #[inline(always)]
+    fn along_x(&self, w: usize) -> &[f32] {
+        &self.window[place(0, w)..][..REACH - 1]
+    }
+
+    /// Adds P times the values at coarse nodes to `z`. Fixed nodes get values, too.
+    #[inline(always)]
+    pub fn interpolate(&self, nodes: &CoarseNodes, z: &mut Window) {
+        for w in 0..SIDE + 2 {
+            // The coarse nodes' row, or between two of them.
+            let mut row = nodes[w.div_ceil(2)];
+            if w % 2 == 0 {
+                let (low, weights) = (&nodes[w / 2], self.along_y(w));
+                for k in 0..REACH {
+                    row[k] = low[k] * weights[k] + nodes[w / 2 + 1][k] * (1.0 - weights[k]);
+                }
             }
-            if j < REACH - 1 {
-                (low, below) = (along_x(2 * j), along_y(2 * j));
-                sum += low.0 * below.0;
-                each!([0, 1], |k| ends[k] += low.1[k] * below.1[k]);
+            let weights = self.along_x(w);
+            let (odd, even) = (place(0, w), place(1, w));
+            for k in 0..REACH - 1 {
+                z[odd + k] += row[k] * weights[k] + row[k + 1] * (1.0 - weights[k]);
             }
-            let row = &mut out[REACH * j..REACH * (j + 1)];
-            sum.store(row, 1);
-            [row[0], row[REACH - 1]] = ends;
+            for k in 0..REACH - 1 {
+                z[even + k] += row[k + 1];
+            }
+        }
+    }
+
+    /// Sets the first of `out` to Pᵀ t at the coarse nodes over the block, as in `CoarseNodes`.
+    #[inline(always)]
+    pub fn restrict(&self, t: &Window, out: &mut Plane) {
+        out[..REACH * REACH].fill(0.0);
+        for w in 0..SIDE + 2 {
+            let (weights, mut row) = (self.along_x(w), [0.0; REACH]);
+            let (odd, even) = (&t[place(0, w)..][..REACH - 1], &t[place(1, w)..][..REACH - 1]);
+            for k in 0..REACH - 1 {
+                row[k] = odd[k] * weights[k];
+            }
+            for k in 0..REACH - 1 {
+                row[k + 1] += even[k] + odd[k] * (1.0 - weights[k]);
+            }
+            let low = w.div_ceil(2) * REACH;
+            if w % 2 == 0 {
+                let weights = self.along_y(w);
+                for k in 0..REACH {
+                    out[low + k] += row[k] * weights[k];
+                    out[low + REACH + k] += row[k] * (1.0 - weights[k]);
+                }
+            } else {
+                for k in 0..REACH {
+                    out[low + k] += row[k];
+                }
+            }
         }
     }
 }
 
-/// Sets the coarser level's right-hand side `r` to Pᵀ t at movable nodes, and to 0 at fixed ones, from what the fine
-/// blocks contribute to it (`Weights::restrict`).
-pub fn sum_contributions(run: &Run, finer: usize, contributions: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
+/// Sets the coarser level's right-hand side `r` to Pᵀ t at movable nodes, and to 0 at fixed ones, from the fine
+/// blocks' contributions (`Weights::restrict`).
+pub fn sum_contributions(run: &Run, finer: usize, contributions: &[[Plane; 2]], r: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     // For the fine blocks -1, 0, 1 and 2 of an axis: the first of the coarse block's nodes that they reach, the number
     // of these, and the first of their own.
@@ -159,74 +219,4 @@ impl<const N: usize> Vectorised for RestrictQuarter<'_, N> {
 pub fn active_neighbours(level: &Level, b: usize) -> [u32; 9] {
     level.blocks.neighbours[b]
         .map(|b| if b != NONE && level.blocks.list[b as usize].active { b } else { NONE })
-}
-
-/// Sets the first two planes of `sum` to z plus P times the coarse direction.
-pub fn add_coarse(run: &Run, finer: usize, z: &[[Plane; 2]], coarse: &[[Plane; 2]], sum: &mut [[Plane; 3]]) {
-    let level = &run.grid.levels[finer];
-    let sum = SharedSlice::new(sum);
-    run.each_block(
-        finer,
-        |b| prefetch_next(&z[b]),
-        |_, b, _| {
-            let weights = interpolation(level, &level.blocks.neighbours[b]);
-            // SAFETY: each item has its own block.
-            let sum = unsafe { sum.get_mut(b) };
-            for c in 0..2 {
-                sum[c] = z[b][c];
-                add_interpolated(run, finer, b, &weights, |b| &coarse[b][c], &mut sum[c]);
-            }
-        },
-    );
-}
-
-/// Adds P times the planes of the coarser level, of which `coarse(b)` is that of coarse block `b`, to the plane `z` of
-/// the finer block `b`.
-pub fn add_interpolated<'a, T: Copy + Default + Into<f32> + 'a>(
-    run: &Run,
-    finer: usize,
-    b: usize,
-    weights: &Window,
-    coarse: impl Fn(usize) -> &'a Plane<T>,
-    z: &mut Plane,
-) {
-    let (fine_level, coarse_level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
-    if let Some(nodes) = prolong::coarse_nodes(fine_level, coarse_level, coarse, b) {
-        dispatch(AddInterpolated { nodes: &nodes, weights, movable: &fine_level.movable[b], z });
-    }
-}
-
-/// Adds the values that P interpolates from the coarse nodes over a block to the block's plane, at movable nodes.
-struct AddInterpolated<'a> {
-    nodes: &'a prolong::CoarseNodes,
-    weights: &'a Window,
-    movable: &'a Plane<u8>,
-    z: &'a mut Plane,
-}
-
-impl Vectorised for AddInterpolated<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        let AddInterpolated { nodes, weights, movable, z } = self;
-        for j in 0..SIDE {
-            // Interpolation along y, at coarse columns i (west) and i + 1 (east), then along x.
-            let [west, east] = each!([0, 1], |k| {
-                let low = V::load(&nodes[j / 2], k);
-                if j % 2 == 0 {
-                    low
-                } else {
-                    let weight = V::load(weights, place(1 + 2 * k, j + 1));
-                    low * weight + V::load(&nodes[j / 2 + 1], k) * (V::one() - weight)
-                }
-            });
-            let weight = V::load(weights, place(2, j + 1));
-            for (ci, add) in [west, west * weight + east * (V::one() - weight)].into_iter().enumerate() {
-                let s = slot(ci, j);
-                let movable = V::zero().lt(V::load_u8(movable, s));
-                (V::load(z, s) + movable.select(add, V::zero())).store(z, s);
-            }
-        }
-    }
 }
