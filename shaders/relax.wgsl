@@ -104,37 +104,30 @@ fn step_node(b: u32, n: vec2u, t: u32, floor: f32, fraction: f32) {
     }
     var delta = newton_step(l);
     delta *= least_bound(bound_of_thread(n, p.u, delta, t), t);
-    var tries = moves && -dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy;
+    let tries = moves && -dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy;
     delta *= fraction;
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
-    // The second trial takes half of the step.
-    for (var trial = 0u; trial < 2u; trial++) {
-        let u = p.u + delta;
-        var found = Sample(false, vec3f(), NONE);
-        var of_thread = 0.0;
-        if tries {
-            found = sample_surface(b, node, u, triangle_of(p.tag));
+    let u = p.u + delta;
+    var found = Sample(false, vec3f(), NONE);
+    var of_thread = 0.0;
+    if tries {
+        found = sample_surface(b, node, u, triangle_of(p.tag));
+    }
+    if found.found {
+        let state = NodeState(u, found.value, tangents(found.triangle), found.triangle << 1u);
+        of_thread = energy_of_thread(n, state, floor, t);
+    }
+    var energy = sum_of_energies(of_thread, t);
+    if found.found {
+        energy += hold(n, u);
+        if params.pull > 0.0 {
+            energy += pull_energy(b, n, u);
         }
-        if found.found {
-            let state = NodeState(u, found.value, tangents(found.triangle), found.triangle << 1u);
-            of_thread = energy_of_thread(n, state, floor, t);
+        if energy <= l.energy && energy < INVALID_ENERGY && t < 64u {
+            patch_u[at] = u;
+            patch_value[at] = vec4f(found.value, patch_value[at].w);
+            patch_tag[at] = found.triangle << 1u;
         }
-        var energy = sum_of_energies(of_thread, t);
-        if found.found {
-            energy += hold(n, u);
-            if params.pull > 0.0 {
-                energy += pull_energy(b, n, u);
-            }
-            if energy <= l.energy && energy < INVALID_ENERGY {
-                tries = false;
-                if t < 64u {
-                    patch_u[at] = u;
-                    patch_value[at] = vec4f(found.value, patch_value[at].w);
-                    patch_tag[at] = found.triangle << 1u;
-                }
-            }
-        }
-        delta *= 0.5;
     }
 }
 

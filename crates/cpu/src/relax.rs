@@ -119,34 +119,24 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, source: &Source<S>, row: Row, s
     }
     let here = patch.node_state::<V>(row);
     let model = Model::new::<S>(patch, row, &here, weights, stiff);
-    let mut delta = model.newton_step();
+    let delta = model.newton_step();
     let predicted = -(model.gradient[0] * delta[0] + model.gradient[1] * delta[1]);
     let energy = model.distortion + model.room + model.spring.energy;
     lanes = lanes.and((energy * MIN_RELATIVE_GAIN).lt(predicted));
     if !lanes.any() {
         return;
     }
-    delta = each!([0, 1], |c| delta[c] * fraction);
-    // The second trial takes half of the step, in lanes whose first trial was not accepted.
-    for _ in 0..2 {
-        delta = each!([0, 1], |c| lanes.select(delta[c], V::zero()));
-        let u = each!([0, 1], |c| here.u[c] + delta[c]);
-        let mut trial = NodeState { u, samples: here.samples };
-        let found = surface.sample_row(&GridRow::new(level, b, row), &u, lanes, &mut trial.samples);
-        // The springs' energy changes by a known amount; the rest is computed anew.
-        let room = room_energy(&model.jacobians_after(&delta), weights);
-        let distortion = if stiff { distortion::<V, S>(patch, row, &trial) } else { V::zero() };
-        let after = distortion + room + model.spring.change(&delta);
-        // An infinite energy is never accepted, although `le` is true for two infinite energies.
-        let lower = after.le(model.distortion + model.room).and(after.lt(V::splat(f32::INFINITY)));
-        let better = found.and(lower);
-        patch.accept::<V, S>(row, better, &trial);
-        lanes = lanes.and_not(better);
-        if !lanes.any() {
-            return;
-        }
-        delta = [delta[0] * 0.5, delta[1] * 0.5];
-    }
+    let delta = each!([0, 1], |c| lanes.select(delta[c] * fraction, V::zero()));
+    let u = each!([0, 1], |c| here.u[c] + delta[c]);
+    let mut trial = NodeState { u, samples: here.samples };
+    let found = surface.sample_row(&GridRow::new(level, b, row), &u, lanes, &mut trial.samples);
+    // The springs' energy changes by a known amount; the rest is computed anew.
+    let room = room_energy(&model.jacobians_after(&delta), weights);
+    let distortion = if stiff { distortion::<V, S>(patch, row, &trial) } else { V::zero() };
+    let after = distortion + room + model.spring.change(&delta);
+    // An infinite energy is never accepted, although `le` is true for two infinite energies.
+    let lower = after.le(model.distortion + model.room).and(after.lt(V::splat(f32::INFINITY)));
+    patch.accept::<V, S>(row, found.and(lower), &trial);
 }
 
 /// The offsets of the ends of the twelve corners that depend on a node, as indices in `NEIGHBOURS`, counterclockwise, so
