@@ -6,7 +6,7 @@ use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Halo, Pairs, Rows, Words, halo_words};
-use super::transfer::{Weights, active_neighbours, coarse_nodes};
+use super::transfer::{CoarseNodes, Weights, active_neighbours, coarse_nodes};
 use super::workspace::SolvingLevel;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::{WINDOW_NODES, Window};
@@ -26,20 +26,18 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
         prefetch(&words[b]);
         let neighbours = active_neighbours(grid, b);
         // P 1 is 1 if all coarse nodes from which the node is interpolated are movable, and less otherwise.
-        let mut ones: Window = [0.0; WINDOW_NODES];
-        if coarser
-            && let Some([nodes]) = coarse_nodes(run, level, b, |b, _| &run.grid.levels[level + 1].movable[b])
-        {
-            Weights::new(grid, b).interpolate(&nodes, &mut ones);
-        }
+        let coarse = |b: usize, _| &run.grid.levels[level + 1].movable[b];
+        let nodes = coarser.then(|| coarse_nodes(run, level, b, coarse)).flatten();
+        let is_one = |[nodes]: &[CoarseNodes; 1]| nodes.as_flattened().iter().all(|&x| x == 1.0);
+        let ones = nodes.filter(|nodes| !is_one(nodes)).map(|[nodes]| (Weights::new(grid, b), nodes));
         // SAFETY: each item has its own block.
         let (diagonal, halo) = unsafe { (diagonal.get_mut(b), halo.get_mut(b)) };
         *halo = halo_words(words, &neighbours);
         // SAFETY: as above.
-        let ones_and_product = coarser.then(|| (&ones, unsafe { product.get_mut(b) }));
+        let product = coarser.then(|| unsafe { product.get_mut(b) });
         let (words, halo, movable) = (&words[b], &*halo, &grid.movable[b]);
         run.pairs.with(worker, |pairs| {
-            dispatch(Complete { words, halo, movable, pairs, diagonal, ones_and_product })
+            dispatch(Complete { words, halo, movable, pairs, diagonal, ones, product })
         });
     });
 }
@@ -51,8 +49,10 @@ struct Complete<'a> {
     movable: &'a Plane<u8>,
     pairs: &'a mut Pairs,
     diagonal: &'a mut [Plane; 3],
-    /// P 1, and the array that receives A P 1.
-    ones_and_product: Option<(&'a Window, &'a mut [Plane; 3])>,
+    /// The weights of P and the coarse nodes' mobility, unless all of them can move.
+    ones: Option<(Weights, CoarseNodes)>,
+    /// The array for A P 1.
+    product: Option<&'a mut [Plane; 3]>,
 }
 
 impl Vectorised for Complete<'_> {
@@ -60,7 +60,12 @@ impl Vectorised for Complete<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Complete { words, halo, movable, pairs, diagonal, mut ones_and_product } = self;
+        let Complete { words, halo, movable, pairs, diagonal, ones, mut product } = self;
+        let ones = ones.map(|(weights, nodes)| {
+            let mut ones: Window = [0.0; WINDOW_NODES];
+            weights.interpolate(&nodes, &mut ones);
+            ones
+        });
         BlockRows { diagonal, words, halo }.pairs::<V>(pairs);
         for row in Row::all() {
             let sums = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
@@ -77,20 +82,22 @@ impl Vectorised for Complete<'_> {
                 let identity = if c == 1 { V::zero() } else { V::one() };
                 row.store(&mut diagonal[c], lanes.select(diagonal_block[c], identity));
             }
-            if let Some((ones, a_p_ones)) = &mut ones_and_product {
+            let Some(product) = &mut product else { continue };
+            let mut of_row = sums;
+            if let Some(ones) = &ones {
                 let here = row.near::<V>(ones, 0, 0);
-                let mut product = each!([0, 1, 2], |c| sums[c] * here);
+                of_row = each!([0, 1, 2], |c| sums[c] * here);
                 each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
                     let (di, dj, ..) = NEIGHBOURS[k];
                     let difference = row.near::<V>(ones, di, dj) - here;
                     let pair = symmetric_part::<V>(pairs, row, k);
                     for c in 0..3 {
-                        product[c] += pair[c] * difference;
+                        of_row[c] += pair[c] * difference;
                     }
                 });
-                for c in 0..3 {
-                    row.store(&mut a_p_ones[c], lanes.select(product[c], V::zero()));
-                }
+            }
+            for c in 0..3 {
+                row.store(&mut product[c], lanes.select(of_row[c], V::zero()));
             }
         }
     }
