@@ -138,8 +138,14 @@ impl Run<'_> {
                     }
                 }
             });
-            self.relax_level(level, correction.sweeps, Some(fraction));
-            let energies = self.energies_with_pull(level);
+            // Sweeps may raise the energy of a chart: after the last trial, which takes no step, there are none.
+            let is_last = trial == trials.len();
+            let energies = if is_last {
+                Vec::from(before)
+            } else {
+                self.relax_level(level, correction.sweeps, Some(fraction));
+                self.energies_with_pull(level)
+            };
             for c in 0..self.charts.len() {
                 if !open[c] {
                     continue;
@@ -152,8 +158,7 @@ impl Run<'_> {
                     cut: cut[c].into(),
                     fraction: fraction[c],
                 };
-                // The last trial is relaxation alone, which is always accepted.
-                if gain.suffices() || trial == trials.len() {
+                if gain.suffices() || is_last {
                     open[c] = false;
                     // With a pull, the energy that was lowered is not that of the state alone.
                     if self.weights[level].pull == 0.0 {

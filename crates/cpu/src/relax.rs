@@ -5,7 +5,7 @@
 //! colours in turn and with its halo frozen, so the bits do not depend on the order of the blocks. Gathering a block
 //! takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
 
-use vrtm_core::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN, SWEPT_MARGIN, passes};
+use vrtm_core::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_NODE_STEP, SWEPT_MARGIN, passes};
 
 use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
@@ -13,7 +13,7 @@ use super::patch::{NEIGHBOURS, NodeState, Patch, Source, Weights};
 use super::row::{ROWS, Row};
 use super::run::{Run, SurfaceFn};
 use super::sampling::{GridRow, Surface};
-use super::terms::{self, pull_stiffness};
+use super::terms::pull_stiffness;
 
 impl Run<'_> {
     /// Relaxes a level. `fraction` is the step fraction per chart (1 if absent).
@@ -118,58 +118,29 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, source: &Source<S>, row: Row, s
         return;
     }
     let here = patch.node_state::<V>(row);
-    let model = Model::new::<S>(patch, row, &here, weights, stiff);
-    let delta = model.newton_step();
-    let predicted = -(model.gradient[0] * delta[0] + model.gradient[1] * delta[1]);
-    let energy = model.distortion + model.room + model.spring.energy;
-    lanes = lanes.and((energy * MIN_RELATIVE_GAIN).lt(predicted));
+    let delta = Model::new::<S>(patch, row, &here, weights, stiff).newton_step();
+    let delta = each!([0, 1], |c| delta[c] * fraction);
+    // Steps that nobody sees are not worth a sample of the surface. A comparison with NaN is false: no step.
+    let square = delta[0] * delta[0] + delta[1] * delta[1];
+    lanes = lanes.and(V::splat(MIN_NODE_STEP * MIN_NODE_STEP).lt(square));
     if !lanes.any() {
         return;
     }
-    let delta = each!([0, 1], |c| lanes.select(delta[c] * fraction, V::zero()));
-    let u = each!([0, 1], |c| here.u[c] + delta[c]);
-    let mut trial = NodeState { u, samples: here.samples };
-    let found = surface.sample_row(&GridRow::new(level, b, row), &u, lanes, &mut trial.samples);
-    // The springs' energy changes by a known amount; the rest is computed anew.
-    let room = room_energy(&model.jacobians_after(&delta), weights);
-    let distortion = if stiff { distortion::<V, S>(patch, row, &trial) } else { V::zero() };
-    let after = distortion + room + model.spring.change(&delta);
-    // An infinite energy is never accepted, although `le` is true for two infinite energies.
-    let lower = after.le(model.distortion + model.room).and(after.lt(V::splat(f32::INFINITY)));
-    patch.accept::<V, S>(row, found.and(lower), &trial);
+    let u = each!([0, 1], |c| here.u[c] + lanes.select(delta[c], V::zero()));
+    let mut moved = NodeState { u, samples: here.samples };
+    let found = surface.sample_row(&GridRow::new(level, b, row), &u, lanes, &mut moved.samples);
+    patch.accept::<V, S>(row, lanes.and(found), &moved);
 }
 
-/// The offsets of the ends of the twelve corners that depend on a node, as indices in `NEIGHBOURS`, counterclockwise, so
+/// The offsets to the ends of the twelve corners that depend on a node, as indices in `NEIGHBOURS`, counterclockwise, so
 /// that J = a x b.
 const CORNERS: [(usize, usize); 12] =
     [(0, 1), (0, 2), (2, 1), (1, 4), (1, 3), (3, 4), (4, 5), (4, 6), (6, 5), (5, 0), (5, 7), (7, 0)];
 
-/// The terms of the energy that are quadratic in the node's displacement: smoothness, orientation, pull and hold.
-struct Spring<V> {
-    energy: V,
-    /// Half of the derivative.
-    gradient: [V; 2],
-    /// Half of the second derivative: (xx, xy, yy).
-    matrix: [V; 3],
-}
-
-impl<V: Lanes> Spring<V> {
-    /// The change of the energy if the node moves by (x, y).
-    #[inline(always)]
-    fn change(&self, [x, y]: &[V; 2]) -> V {
-        let [xx, xy, yy] = self.matrix;
-        let along = [self.gradient[0] + self.gradient[0], self.gradient[1] + self.gradient[1]];
-        *x * (along[0] + xx * *x + xy * *y) + *y * (along[1] + xy * *x + yy * *y)
-    }
-}
-
-/// The energy at each node of a row, its gradient and its Gauss-Newton matrix (halves of the derivatives).
+/// The quadratic model of the energy at each node of a row: halves of the derivatives.
 struct Model<V> {
-    distortion: V,
-    room: V,
-    spring: Spring<V>,
     gradient: [V; 2],
-    /// The entries (xx, xy, yy).
+    /// The entries (xx, xy, yy) of the Gauss-Newton matrix.
     matrix: [V; 3],
     /// Offsets to the eight neighbours.
     offsets: [[V; 2]; 8],
@@ -193,72 +164,109 @@ impl<V: Lanes> Model<V> {
         let jacobians = each!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], |n| {
             cross(&offsets[CORNERS[n].0], &offsets[CORNERS[n].1])
         });
-        let spring = patch.springs(row, p, &offsets, weights, stiff);
-        let (mut gradient, mut matrix) = (spring.gradient, spring.matrix);
-        let mut distortion = V::zero();
+        let mut model = Model { gradient: [V::zero(); 2], matrix: [V::zero(); 3], offsets, jacobians };
+        model.add_springs(patch, row, p, weights, stiff);
         if stiff {
-            let slopes = patch.slopes::<V, S>(row, p);
-            each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
-                let edge = patch.edge(row, p, k);
-                let (value, tangents) = (&p.samples.value, &p.samples.tangents);
-                let (length, near, _) =
-                    S::gradient(value, tangents, &slopes, &edge.value, edge.same_triangle, &edge.d);
-                let strain = (length - edge.rest_length) * edge.inverse_length;
-                let scaled = edge.weight * edge.inverse_length;
-                let (pull, stiffness) = (scaled * strain, scaled * edge.inverse_length);
-                let stress = edge.stress_stiffness(length);
-                distortion += edge.weight * strain * strain;
-                gradient[0] += pull * near[0];
-                gradient[1] += pull * near[1];
-                matrix[0] += stiffness * near[0] * near[0] + stress;
-                matrix[1] += stiffness * near[0] * near[1];
-                matrix[2] += stiffness * near[1] * near[1] + stress;
-            });
+            model.add_distortion::<S>(patch, row, p);
         }
-        let mut room = V::zero();
-        let threshold = V::splat(weights.room_threshold);
-        if least(&jacobians).lt(threshold).any() {
-            for (jacobian, (a, b)) in jacobians.iter().zip(CORNERS) {
-                let ([ax, ay], [bx, by]) = (offsets[a], offsets[b]);
-                let by_node = [ay - by, bx - ax];
-                let lack = (threshold - *jacobian).max(V::zero());
-                let beta = jacobian.lt(threshold).select(V::splat(weights.room), V::zero());
-                let pull = lack * weights.room;
-                room += lack * pull;
-                gradient[0] -= pull * by_node[0];
-                gradient[1] -= pull * by_node[1];
-                matrix[0] += beta * by_node[0] * by_node[0];
-                matrix[1] += beta * by_node[0] * by_node[1];
-                matrix[2] += beta * by_node[1] * by_node[1];
+        if least(&model.jacobians).lt(V::splat(weights.room_threshold)).any() {
+            model.add_room(weights);
+        }
+        model
+    }
+
+    /// Adds the terms that are quadratic in the displacement: smoothness, orientation, pull and hold.
+    #[inline(always)]
+    fn add_springs(&mut self, patch: &Patch, row: Row, p: &NodeState<V>, weights: &Weights, stiff: bool) {
+        let Model { gradient, matrix, .. } = self;
+        each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+            let edge = patch.edge(row, p, k);
+            let change = edge.offset_change(k);
+            let smooth =
+                if stiff { edge.smoothness(weights) } else { V::splat(edge.elastic_smoothness(weights)) };
+            gradient[0] -= smooth * change[0];
+            gradient[1] -= smooth * change[1];
+            matrix[0] += smooth;
+            matrix[2] += smooth;
+            if weights.orients() {
+                let [nx, ny] = edge.normal;
+                let kappa = edge.orientation(weights);
+                let normal_offset = edge.normal_offset() * kappa;
+                gradient[0] -= normal_offset * nx;
+                gradient[1] -= normal_offset * ny;
+                matrix[0] += kappa * (nx * nx);
+                matrix[1] += kappa * (nx * ny);
+                matrix[2] += kappa * (ny * ny);
             }
+            if weights.pull > 0.0 {
+                let (_, force) = patch.pull(row, &edge.d, k, weights);
+                for c in 0..2 {
+                    gradient[c] += force[c];
+                    matrix[2 * c] += V::splat(pull_stiffness(k, weights));
+                }
+            }
+        });
+        if patch.has_hold {
+            let ([x, y], moved) = patch.moved_across(row, p);
+            gradient[0] += x * moved;
+            gradient[1] += y * moved;
+            matrix[0] += x * x;
+            matrix[1] += x * y;
+            matrix[2] += y * y;
         }
-        Model { distortion, room, spring, gradient, matrix, offsets, jacobians }
     }
 
-    /// The changes of J of the twelve corners if the node moves by `delta`: J is linear in the node's displacement.
     #[inline(always)]
-    fn changes(&self, delta: &[V; 2]) -> [V; 12] {
-        let along = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| cross(delta, &self.offsets[k]));
-        each!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], |n| along[CORNERS[n].0] - along[CORNERS[n].1])
+    fn add_distortion<S: Surface>(&mut self, patch: &Patch, row: Row, p: &NodeState<V>) {
+        let Model { gradient, matrix, .. } = self;
+        let slopes = patch.slopes::<V, S>(row, p);
+        each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+            let edge = patch.edge(row, p, k);
+            let (value, tangents) = (&p.samples.value, &p.samples.tangents);
+            let (length, near, _) =
+                S::gradient(value, tangents, &slopes, &edge.value, edge.same_triangle, &edge.d);
+            let scaled = edge.weight * edge.inverse_length;
+            let pull = scaled * ((length - edge.rest_length) * edge.inverse_length);
+            let stiffness = scaled * edge.inverse_length;
+            let stress = edge.stress_stiffness(length);
+            gradient[0] += pull * near[0];
+            gradient[1] += pull * near[1];
+            matrix[0] += stiffness * near[0] * near[0] + stress;
+            matrix[1] += stiffness * near[0] * near[1];
+            matrix[2] += stiffness * near[1] * near[1] + stress;
+        });
     }
 
-    /// J of the twelve corners once the node has moved by `delta`.
     #[inline(always)]
-    fn jacobians_after(&self, delta: &[V; 2]) -> [V; 12] {
-        let changes = self.changes(delta);
-        each!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], |n| self.jacobians[n] + changes[n])
+    fn add_room(&mut self, weights: &Weights) {
+        let Model { gradient, matrix, offsets, jacobians } = self;
+        let threshold = V::splat(weights.room_threshold);
+        for (jacobian, (a, b)) in jacobians.iter().zip(CORNERS) {
+            let ([ax, ay], [bx, by]) = (offsets[a], offsets[b]);
+            let by_node = [ay - by, bx - ax];
+            let beta = jacobian.lt(threshold).select(V::splat(weights.room), V::zero());
+            let pull = (threshold - *jacobian).max(V::zero()) * weights.room;
+            gradient[0] -= pull * by_node[0];
+            gradient[1] -= pull * by_node[1];
+            matrix[0] += beta * by_node[0] * by_node[0];
+            matrix[1] += beta * by_node[0] * by_node[1];
+            matrix[2] += beta * by_node[1] * by_node[1];
+        }
     }
 
     /// The step -H⁻¹γ, clamped to `MAX_NODE_STEP` and limited so that every corner Jacobian keeps most of what it has
-    /// over ε.
+    /// over ε; NaN if the model has no minimum.
     #[inline(always)]
     fn newton_step(&self) -> [V; 2] {
         let ([gx, gy], [xx, xy, yy]) = (self.gradient, self.matrix);
         let inverse = V::one() / (xx * yy - xy * xy);
         let delta = [(xy * gy - yy * gx) * inverse, (xy * gx - xx * gy) * inverse];
-        // The clamp also turns NaN into a finite step, which is then accepted or refused by its energy.
-        let delta = each!([0, 1], |c| delta[c].max(V::splat(-MAX_NODE_STEP)).min(V::splat(MAX_NODE_STEP)));
-        let changes = self.changes(&delta);
+        // This order keeps NaN.
+        let delta = each!([0, 1], |c| V::splat(MAX_NODE_STEP).min(V::splat(-MAX_NODE_STEP).max(delta[c])));
+        // J is linear in the node's displacement.
+        let along = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| cross(&delta, &self.offsets[k]));
+        let changes =
+            each!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], |n| along[CORNERS[n].0] - along[CORNERS[n].1]);
         let most = each!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], |n| {
             (self.jacobians[n] - V::splat(MIN_JACOBIAN)).max(V::zero()) * SWEPT_MARGIN
         });
@@ -274,88 +282,6 @@ impl<V: Lanes> Model<V> {
         }
         each!([0, 1], |c| delta[c] * fraction)
     }
-}
-
-impl Patch {
-    /// The springs at a row's nodes.
-    #[inline(always)]
-    fn springs<V: Lanes>(
-        &self,
-        row: Row,
-        p: &NodeState<V>,
-        offsets: &[[V; 2]; 8],
-        weights: &Weights,
-        stiff: bool,
-    ) -> Spring<V> {
-        let mut spring = Spring { energy: V::zero(), gradient: [V::zero(); 2], matrix: [V::zero(); 3] };
-        each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
-            let edge = self.edge(row, p, k);
-            let d = &offsets[k];
-            let change = edge.offset_change(k);
-            let smooth =
-                if stiff { edge.smoothness(weights) } else { V::splat(edge.elastic_smoothness(weights)) };
-            spring.energy += smooth * (change[0] * change[0] + change[1] * change[1]);
-            spring.gradient[0] -= smooth * change[0];
-            spring.gradient[1] -= smooth * change[1];
-            spring.matrix[0] += smooth;
-            spring.matrix[2] += smooth;
-            if weights.orients() {
-                let [nx, ny] = edge.normal;
-                let kappa = edge.orientation(weights);
-                let normal_offset = edge.normal_offset();
-                spring.energy += normal_offset * normal_offset * kappa;
-                spring.gradient[0] -= normal_offset * kappa * nx;
-                spring.gradient[1] -= normal_offset * kappa * ny;
-                spring.matrix[0] += kappa * (nx * nx);
-                spring.matrix[1] += kappa * (nx * ny);
-                spring.matrix[2] += kappa * (ny * ny);
-            }
-            if weights.pull > 0.0 {
-                let (energy, force) = self.pull(row, d, k, weights);
-                spring.energy += energy;
-                for c in 0..2 {
-                    spring.gradient[c] += force[c];
-                    spring.matrix[2 * c] += V::splat(pull_stiffness(k, weights));
-                }
-            }
-        });
-        if self.has_hold {
-            let ([x, y], moved) = self.moved_across(row, p);
-            spring.energy += moved * moved;
-            spring.gradient[0] += x * moved;
-            spring.gradient[1] += y * moved;
-            spring.matrix[0] += x * x;
-            spring.matrix[1] += x * y;
-            spring.matrix[2] += y * y;
-        }
-        spring
-    }
-}
-
-/// The distortion of the edges at a row's nodes.
-#[inline(always)]
-fn distortion<V: Lanes, S: Surface>(patch: &Patch, row: Row, p: &NodeState<V>) -> V {
-    let mut energy = V::zero();
-    each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
-        let edge = patch.edge(row, p, k);
-        let length =
-            S::length(&p.samples.value, &p.samples.tangents, &edge.value, edge.same_triangle, &edge.d);
-        let strain = (length - edge.rest_length) * edge.inverse_length;
-        energy += edge.weight * strain * strain;
-    });
-    energy
-}
-
-/// The room terms of twelve corners.
-#[inline(always)]
-fn room_energy<V: Lanes>(jacobians: &[V; 12], weights: &Weights) -> V {
-    let mut energy = V::zero();
-    if least(jacobians).lt(V::splat(weights.room_threshold)).any() {
-        for &jacobian in jacobians {
-            energy += terms::room_energy(jacobian, weights);
-        }
-    }
-    energy
 }
 
 /// a x b.

@@ -23,9 +23,8 @@ constants! {
     /// A node's step in a sweep takes at most this fraction of what a corner Jacobian has over `MIN_JACOBIAN`: a corner
     /// with next to nothing left would decide about the whole chart's next correction.
     SWEPT_MARGIN: f32 = 0.25;
-    /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
-    /// not taken.
-    MIN_RELATIVE_GAIN: f32 = 1e-6;
+    /// A node whose step in a sweep has no component over this many cells stays where it is.
+    MIN_NODE_STEP: f32 = 1e-4;
     /// Sweeps that are done on a block while it is gathered, its halo frozen. With more, nodes that have not moved yet
     /// would hold back their neighbours.
     SWEEPS_PER_PASS: u32 = 2;
