@@ -27,16 +27,6 @@ fn pull_stiffness(k: u32) -> f32 {
     return params.pull / dot(o, o);
 }
 
-/// The sum over a node's eight edges, undivided.
-fn pull_energy(b: u32, n: vec2u, u: vec2f) -> f32 {
-    var energy = 0.0;
-    for (var k = 0u; k < 8u; k++) {
-        let change = change_of_offset(b, n, u, k);
-        energy += pull_stiffness(k) * dot(change, change);
-    }
-    return energy;
-}
-
 fn pull_gradient(b: u32, n: vec2u, u: vec2f) -> vec2f {
     var gradient = vec2f();
     for (var k = 0u; k < 8u; k++) {

@@ -1,5 +1,5 @@
 // relax: relaxation (method §6). Each movable node takes its own 2x2 Gauss-Newton step while its neighbours are fixed,
-// limited so that no corner Jacobian falls under MIN_JACOBIAN, and only if the node's energy does not rise.
+// limited so that no corner Jacobian falls under MIN_JACOBIAN.
 //
 // One dispatch does all sweeps of a pass on the blocks of one block colour, which do not touch one another. On level 0
 // it reads 12 bytes of state and 12 of constants per node (a quarter more for the halo; 4 more constants if
@@ -9,9 +9,8 @@
 // A node's terms are divided into quarters: two opposite edges, and the corners of one cell. How many threads work on a
 // node is up to the file that this one follows: relax_narrow.wgsl or relax_wide.wgsl.
 
-/// The energy E_p of a node, its gradient gamma_p, and its Gauss-Newton matrix H_p (xx, xy, yy).
+/// The gradient gamma_p of a node's energy, and its Gauss-Newton matrix H_p (xx, xy, yy).
 struct Local {
-    energy: f32,
     gradient: vec2f,
     matrix: vec3f,
 }
@@ -25,7 +24,6 @@ fn add_edge(out: ptr<function, Local>, n: vec2u, p: NodeState, slopes: mat2x3f, 
     let isotropic = smooth_weight + stress_stiffness(e) + params.pull * e.inverse_d0_square;
     let normal = vec2f(-e.offset.y, e.offset.x);
     let kappa = e.orientation * e.inverse_d0_square * e.inverse_d0_square;
-    (*out).energy += edge_energy(e);
     (*out).gradient += scaled * ((e.chord.length - e.length) * e.inverse_length) * near
         - smooth_weight * (e.chord.d - e.offset) - off_axis(e) * kappa * normal;
     (*out).matrix += scaled * e.inverse_length * outer(near) + vec3f(isotropic, 0.0, isotropic) + kappa * outer(normal);
@@ -33,7 +31,6 @@ fn add_edge(out: ptr<function, Local>, n: vec2u, p: NodeState, slopes: mat2x3f, 
 
 fn add_corner(out: ptr<function, Local>, c: Corner) {
     let lack = max(params.room_threshold - c.jacobian, 0.0);
-    (*out).energy += lack * lack * params.room;
     (*out).gradient -= lack * params.room * c.slope;
     (*out).matrix += select(0.0, params.room, c.jacobian < params.room_threshold) * outer(c.slope);
 }
@@ -48,13 +45,6 @@ fn quarter(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32, q: u32) -> Local
     add_corner(&out, cell_corner(m, 1u));
     add_corner(&out, cell_corner(m, 2u));
     return out;
-}
-
-/// The energy of quarter q, undivided (E_p in method §6).
-fn quarter_energy(n: vec2u, p: NodeState, floor: f32, q: u32) -> f32 {
-    let m = cell_offsets(n, p.u, q);
-    let corners = room(cell_corner(m, 0u).jacobian) + room(cell_corner(m, 1u).jacobian) + room(cell_corner(m, 2u).jacobian);
-    return edge_energy(edge(n, p, q, floor)) + edge_energy(edge(n, p, q + 4u, floor)) + corners;
 }
 
 /// The part of a step `delta` that leaves corner c most of what its Jacobian has over MIN_JACOBIAN.
@@ -95,35 +85,20 @@ fn step_node(b: u32, n: vec2u, t: u32, floor: f32, fraction: f32) {
     var l = sum_of_terms(part, t);
     let across = across_border(n);
     let moved = dot(across, p.u);
-    l.energy += hold(n, p.u);
     l.gradient += params.hold * moved * across;
     l.matrix += params.hold * outer(across);
     if params.pull > 0.0 && moves {
-        l.energy += pull_energy(b, n, p.u);
         l.gradient += pull_gradient(b, n, p.u);
     }
     var delta = newton_step(l);
     delta *= least_bound(bound_of_thread(n, p.u, delta, t), t);
-    let tries = moves && -dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy;
     delta *= fraction;
-    let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
-    let u = p.u + delta;
-    var found = Sample(false, vec3f(), NONE);
-    var of_thread = 0.0;
-    if tries {
-        found = sample_surface(b, node, u, triangle_of(p.tag));
-    }
-    if found.found {
-        let state = NodeState(u, found.value, tangents(found.triangle), found.triangle << 1u);
-        of_thread = energy_of_thread(n, state, floor, t);
-    }
-    var energy = sum_of_energies(of_thread, t);
-    if found.found {
-        energy += hold(n, u);
-        if params.pull > 0.0 {
-            energy += pull_energy(b, n, u);
-        }
-        if energy <= l.energy && energy < INVALID_ENERGY && t < 64u {
+    // Steps that nobody sees are not worth a sample of the surface. A comparison with NaN is false: no step.
+    if moves && t < 64u && dot(delta, delta) > MIN_NODE_STEP * MIN_NODE_STEP {
+        let u = p.u + delta;
+        let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
+        let found = sample_surface(b, node, u, triangle_of(p.tag));
+        if found.found {
             patch_u[at] = u;
             patch_value[at] = vec4f(found.value, patch_value[at].w);
             patch_tag[at] = found.triangle << 1u;

@@ -11,7 +11,7 @@ fn terms_of_thread(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32, t: u32) 
 }
 
 fn plus(a: Local, b: Local) -> Local {
-    return Local(a.energy + b.energy, a.gradient + b.gradient, a.matrix + b.matrix);
+    return Local(a.gradient + b.gradient, a.matrix + b.matrix);
 }
 
 fn sum_of_terms(l: Local, t: u32) -> Local {
@@ -27,13 +27,4 @@ fn bound_of_thread(n: vec2u, u: vec2f, delta: vec2f, t: u32) -> f32 {
 
 fn least_bound(bound: f32, t: u32) -> f32 {
     return bound;
-}
-
-fn energy_of_thread(n: vec2u, p: NodeState, floor: f32, t: u32) -> f32 {
-    return (quarter_energy(n, p, floor, 0u) + quarter_energy(n, p, floor, 1u))
-        + (quarter_energy(n, p, floor, 2u) + quarter_energy(n, p, floor, 3u));
-}
-
-fn sum_of_energies(energy: f32, t: u32) -> f32 {
-    return energy;
 }

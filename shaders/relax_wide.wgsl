@@ -5,9 +5,7 @@ const PATCH_THREADS: u32 = 256u;
 
 /// Per thread: gradient, and xx and xy of the matrix.
 var<workgroup> parts: array<vec4f, 256>;
-/// Per thread: yy of the matrix, and the energy.
-var<workgroup> more_parts: array<vec2f, 256>;
-/// Per thread: what its corners leave of a step; then its part of a trial's energy.
+/// Per thread: yy of the matrix; then what its corners leave of a step.
 var<workgroup> numbers: array<f32, 256>;
 
 fn terms_of_thread(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32, t: u32) -> Local {
@@ -16,12 +14,12 @@ fn terms_of_thread(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32, t: u32) 
 
 fn sum_of_terms(l: Local, t: u32) -> Local {
     parts[t] = vec4f(l.gradient, l.matrix.xy);
-    more_parts[t] = vec2f(l.matrix.z, l.energy);
+    numbers[t] = l.matrix.z;
     workgroupBarrier();
     let k = t % 64u;
     let sum = (parts[k] + parts[k + 64u]) + (parts[k + 128u] + parts[k + 192u]);
-    let more = (more_parts[k] + more_parts[k + 64u]) + (more_parts[k + 128u] + more_parts[k + 192u]);
-    return Local(more.y, sum.xy, vec3f(sum.zw, more.x));
+    let yy = (numbers[k] + numbers[k + 64u]) + (numbers[k + 128u] + numbers[k + 192u]);
+    return Local(sum.xy, vec3f(sum.zw, yy));
 }
 
 fn bound_of_thread(n: vec2u, u: vec2f, delta: vec2f, t: u32) -> f32 {
@@ -29,20 +27,9 @@ fn bound_of_thread(n: vec2u, u: vec2f, delta: vec2f, t: u32) -> f32 {
 }
 
 fn least_bound(bound: f32, t: u32) -> f32 {
+    workgroupBarrier();
     numbers[t] = bound;
     workgroupBarrier();
     let k = t % 64u;
     return min(min(numbers[k], numbers[k + 64u]), min(numbers[k + 128u], numbers[k + 192u]));
-}
-
-fn energy_of_thread(n: vec2u, p: NodeState, floor: f32, t: u32) -> f32 {
-    return quarter_energy(n, p, floor, t / 64u);
-}
-
-fn sum_of_energies(energy: f32, t: u32) -> f32 {
-    workgroupBarrier();
-    numbers[t] = energy;
-    workgroupBarrier();
-    let k = t % 64u;
-    return (numbers[k] + numbers[k + 64u]) + (numbers[k + 128u] + numbers[k + 192u]);
 }

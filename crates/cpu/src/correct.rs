@@ -92,7 +92,7 @@ impl Run<'_> {
     }
 
     /// Takes the step chart by chart, relaxes, and accepts the result if the energy fell enough; otherwise tries half
-    /// of the step, then a quarter, then no step (method §7.7). Relaxation comes before acceptance because the step
+    /// of the step, then a quarter, then goes back (method §7.7). Relaxation comes before acceptance because the step
     /// errs most where the surface has kinks. This error is rough and local, and a sweep removes most of it; without
     /// relaxation it would cause the step of the whole chart to be refused.
     ///
@@ -138,7 +138,7 @@ impl Run<'_> {
                     }
                 }
             });
-            // Sweeps may raise the energy of a chart: after the last trial, which takes no step, there are none.
+            // The last trial takes no step; sweeps alone might raise a chart's energy.
             let is_last = trial == trials.len();
             let energies = if is_last {
                 Vec::from(before)

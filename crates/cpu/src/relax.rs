@@ -1,5 +1,5 @@
 //! relax: descent node by node (method §6). With its neighbours fixed, each node takes its 2x2 Gauss-Newton step,
-//! limited so that no corner Jacobian falls below ε; the step is kept if the node's energy does not rise.
+//! limited so that no corner Jacobian falls below ε.
 //!
 //! Blocks of one block colour (x & 1, y & 1) do not touch. They are relaxed in parallel, each with its four node
 //! colours in turn and with its halo frozen, so the bits do not depend on the order of the blocks. Gathering a block

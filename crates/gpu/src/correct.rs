@@ -54,9 +54,11 @@ impl Run<'_> {
             let mode = if n == 0 { STEP_FIRST_TRIAL } else { STEP_LATER_TRIAL };
             let params = Params { factor, mode, ..self.at_level(level) };
             self.dispatch_active(kernel, level, &[], params);
-            self.relax_level(level, correction.sweeps, RELAX_FRACTION);
-            // The last trial has a fraction of 0: it is relaxation alone.
+            // The last trial takes no step; sweeps alone might raise a chart's energy.
             let last = n == trials.len();
+            if !last {
+                self.relax_level(level, correction.sweeps, RELAX_FRACTION);
+            }
             let decision = if last { DECIDE_LAST_TRIAL } else { DECIDE_TRIAL };
             let Correction { tolerance, trusts_model, .. } = *correction;
             let trusts_model = u32::from(trusts_model);
