@@ -6,7 +6,7 @@ use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
 use vrtm_core::method::law::MULTIPLIER_STEPS;
 
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, Mask};
 
 /// First indices of the vectors that cover a window. The last vector overlaps the previous one.
 #[inline(always)]
@@ -14,13 +14,27 @@ pub fn window_vectors() -> impl Iterator<Item = usize> {
     (0..WINDOW_NODES - LANES).step_by(LANES).chain([WINDOW_NODES - LANES])
 }
 
-/// Rigidities in the window of block `b`; 0 where no block is stored.
+/// Rigidities in the window of block `b`; 0 where no block is stored. Returns whether any is above 0.
 #[inline(always)]
-pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
+pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) -> bool {
     let mut codes: Window<u16> = [0; WINDOW_NODES];
     window::load(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b], &mut codes);
+    let mut most = V::zero();
     for at in window_vectors() {
-        (V::load_u16(&codes, at) / V::splat(codes::RIGIDITY_STEPS)).store(out, at);
+        let rigidity = V::load_u16(&codes, at) / V::splat(codes::RIGIDITY_STEPS);
+        most = most.max(rigidity);
+        rigidity.store(out, at);
+    }
+    V::zero().lt(most).any()
+}
+
+/// Mobilities in the window of block `b`, 1 or 0; 0 where no block is stored.
+#[inline(always)]
+pub fn movable<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
+    let mut codes: Window<u8> = [0; WINDOW_NODES];
+    window::load(&level.blocks.neighbours[b], 0, |b| &level.movable[b], &mut codes);
+    for at in window_vectors() {
+        V::load_u8(&codes, at).store(out, at);
     }
 }
 

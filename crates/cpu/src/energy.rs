@@ -1,12 +1,13 @@
 //! The energy of a level's present state per chart (method §4), summed in a fixed order.
 
 use super::buffers::State;
-use super::lanes::{Lanes, Mask, Vectorised, dispatch};
-use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Source, Weights};
+use super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
+use super::patch::{Patch, Source, Weights};
 use super::row::Row;
 use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
-use super::terms::{Terms, least_jacobian, room_energy};
+use super::terms::{Model, least_jacobian};
+use std::hint::black_box;
 use vrtm_core::allocation::Vec;
 use vrtm_core::method::law::CRUSHED_JACOBIAN;
 
@@ -94,26 +95,46 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
         let BlockEnergy { patch, source, allow_folds, is_identity } = self;
+        if is_identity {
+            // Where nothing is rigid, the identity has no energy.
+            patch.load_rigidity::<V, S>(&source);
+            if !patch.is_stiff {
+                return 0.0;
+            }
+        }
         // SAFETY: nothing writes the state.
-        unsafe { patch.load::<V, S>(&source) };
+        unsafe { patch.load::<V, S>(&source, false) };
         if is_identity {
             patch.load_identity(&source);
         }
         let mut total = Total::<V>::new();
         for row in Row::all() {
+            let ((patch, row), weights) = (black_box((&*patch, row)), source.weights);
             let movable = patch.movable_lanes::<V>(row);
             if movable.any() {
-                let (p, weights) = (patch.node_state::<V>(row), source.weights);
-                let terms = patch.terms::<V, S>(row, &p, weights, patch.has_stiff_edges::<V>(row, weights));
-                total.add(patch, row, movable, weights, &terms);
+                let p = patch.node_state::<V>(row);
+                let d = row.offsets(&patch.u, &p.u);
+                // The identity has no energy but that of distortion.
+                let mut model =
+                    if is_identity { Model::zero() } else { patch.elastic_model(row, &p.u, &d, weights) };
+                if patch.has_stiff_edges::<V>(row) {
+                    each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+                        model.share += patch.part::<V>(row, k) * patch.edge_energy::<V, S>(row, &p, &d, k);
+                    });
+                }
+                let least = if is_identity { V::one() } else { least_jacobian(&d) };
+                // Most corners are above the threshold.
+                if least.lt(V::splat(weights.room_threshold)).any() {
+                    patch.add_room(row, &d, weights, &mut model);
+                }
+                total.add(movable, model.share, least);
             }
         }
         if allow_folds { total.sum() } else { total.energy() }
     }
 }
 
-/// Sums a block's part of its chart's energy. The energy of an edge or corner is divided evenly among its movable
-/// nodes.
+/// Sums a block's part of its chart's energy.
 pub struct Total<V> {
     sum: V,
     /// The least corner Jacobian, at most 1.
@@ -126,28 +147,12 @@ impl<V: Lanes> Total<V> {
         Total { sum: V::zero(), least_jacobian: V::one() }
     }
 
-    /// Adds the terms of a row, whose movable nodes are in the lanes `movable`.
+    /// Adds a row: its movable nodes, their shares of the energy, and the least Jacobian of their corners.
     #[inline(always)]
-    pub fn add(&mut self, patch: &Patch, row: Row, movable: V::Mask, weights: &Weights, terms: &Terms<V>) {
-        let mut energy = terms.hold;
-        for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
-            energy += (V::one() - patch.movable_near::<V>(row, di, dj) * 0.5) * terms.edges[k];
-        }
-        let least = least_jacobian(&terms.corners);
+    pub fn add(&mut self, movable: V::Mask, share: V, least: V) {
         self.least_jacobian = least.min(self.least_jacobian);
-        // Most corners are above the threshold.
-        if least.lt(V::splat(weights.room_threshold)).any() {
-            for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
-                let (a, b) = (patch.movable_near::<V>(row, sx, 0), patch.movable_near::<V>(row, 0, sy));
-                let c = patch.movable_near::<V>(row, sx, sy);
-                let other_movable = [a + b, a + c, b + c];
-                for k in 0..3 {
-                    energy += room_energy(terms.corners[3 * q + k].0, weights) / (other_movable[k] + 1.0);
-                }
-            }
-        }
         // Lanes of fixed nodes may hold anything, even NaN.
-        self.sum += movable.select(energy, V::zero());
+        self.sum += movable.select(share, V::zero());
     }
 
     /// The sum, regardless of the corner Jacobians.

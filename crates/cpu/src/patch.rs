@@ -91,11 +91,14 @@ pub struct Patch {
     pub triangle: Window<u32>,
     /// Rigidity, times 1 plus the multiplier (method §4, Harm).
     pub rigidity: Window,
+    /// True if a rigidity is above 0. Otherwise lengths and tangents are not loaded.
+    pub is_stiff: bool,
     /// Rest lengths l of the owned edges.
     pub length: [Window; 4],
     /// 1 / max(l, floor).
     pub inverse_length: [Window; 4],
-    pub movable: Window<u8>,
+    /// 1 where the node is movable, 0 elsewhere.
+    pub movable: Window,
     /// Density ρ of rigid material; 0 if the level stores none, because no setting needs it.
     pub density: Window,
     /// √`HOLD` times what holds the nodes of the block, without the halo, and whether anything does.
@@ -137,33 +140,37 @@ impl Patch {
         prefetch_next(&level.rest_length[b]);
     }
 
-    /// Gathers a block with its halo.
+    /// Gathers a block with its halo. Where nothing is rigid, values and triangles are gathered only if the nodes are to
+    /// be `moved`, and not those of the halo.
     ///
     /// # Safety
     /// No other item writes this block or its neighbour blocks meanwhile.
     #[inline(always)]
-    pub unsafe fn load<V: Lanes, S: Surface>(&mut self, source: &Source<S>) {
+    pub unsafe fn load<V: Lanes, S: Surface>(&mut self, source: &Source<S>, moved: bool) {
         let Source { level, state, surface, weights, anchor, b } = *source;
         let neighbours = &level.blocks.neighbours[b];
         self.floor = level.floor[level.blocks.list[b].chart as usize];
+        self.load_rigidity::<V, S>(source);
+        let mut sampled = *neighbours;
+        if !self.is_stiff {
+            sampled = [NONE; 9];
+            sampled[4] = b as u32;
+        }
         // SAFETY: promised by the caller.
         unsafe {
             for c in 0..2 {
                 window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut self.u[c]);
             }
-            for c in 0..3 {
-                window::load(neighbours, 0.0, |b| &state.value.get(b)[c], &mut self.value[c]);
-            }
-            if S::CHORDS {
-                window::load(neighbours, NONE, |b| state.triangle.get(b), &mut self.triangle);
+            if self.is_stiff || moved {
+                for c in 0..3 {
+                    window::load(&sampled, 0.0, |b| &state.value.get(b)[c], &mut self.value[c]);
+                }
+                if S::CHORDS {
+                    window::load(&sampled, NONE, |b| state.triangle.get(b), &mut self.triangle);
+                }
             }
         }
-        decode::rigidity::<V>(level, b, &mut self.rigidity);
-        if !state.multiplier.is_empty() {
-            // SAFETY: no stage that loads patches writes it.
-            decode::stiffen::<V>(level, |b| unsafe { state.multiplier.get(b) }, b, &mut self.rigidity);
-        }
-        window::load(neighbours, 0, |b| &level.movable[b], &mut self.movable);
+        decode::movable::<V>(level, b, &mut self.movable);
         let floor = V::splat(self.floor);
         if !level.density.is_empty() {
             window::load(neighbours, 0.0, |b| &level.density[b], &mut self.density);
@@ -172,17 +179,31 @@ impl Patch {
         }
         self.has_density = !level.density.is_empty();
         self.load_held(level, b);
-        for e in 0..4 {
-            decode::rest_length::<V>(level, b, e, &mut self.length[e]);
-            for at in window_vectors() {
-                (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse_length[e], at);
+        if self.is_stiff {
+            for e in 0..4 {
+                decode::rest_length::<V>(level, b, e, &mut self.length[e]);
+                for at in window_vectors() {
+                    (V::one() / V::load(&self.length[e], at).max(floor))
+                        .store(&mut self.inverse_length[e], at);
+                }
             }
-        }
-        if S::CHORDS {
-            self.load_tangents::<V, S>(surface);
+            if S::CHORDS {
+                self.load_tangents::<V, S>(surface);
+            }
         }
         if weights.pull > 0.0 {
             self.anchor = window::planes(neighbours, |b, c| &anchor[b][c]);
+        }
+    }
+
+    /// Gathers the rigidities of a block and its halo.
+    #[inline(always)]
+    pub fn load_rigidity<V: Lanes, S: Surface>(&mut self, source: &Source<S>) {
+        let Source { level, state, b, .. } = *source;
+        self.is_stiff = decode::rigidity::<V>(level, b, &mut self.rigidity);
+        if self.is_stiff && !state.multiplier.is_empty() {
+            // SAFETY: no stage that loads patches writes it.
+            decode::stiffen::<V>(level, |b| unsafe { state.multiplier.get(b) }, b, &mut self.rigidity);
         }
     }
 
@@ -223,16 +244,16 @@ impl Patch {
         }
     }
 
-    /// Mobility of the neighbours at (di, dj) of a row's nodes: 1 or 0.
+    /// Mobility of the neighbours `k` of a row's nodes: 1 or 0.
     #[inline(always)]
-    pub fn movable_near<V: Lanes>(&self, row: Row, di: i64, dj: i64) -> V {
-        row.near_u8(&self.movable, di, dj)
+    pub fn movable_near<V: Lanes>(&self, row: Row, k: usize) -> V {
+        row.near(&self.movable, NEIGHBOURS[k].0, NEIGHBOURS[k].1)
     }
 
     /// The lanes of a row whose nodes are movable.
     #[inline(always)]
     pub fn movable_lanes<V: Lanes>(&self, row: Row) -> V::Mask {
-        V::zero().lt(self.movable_near(row, 0, 0))
+        V::zero().lt(row.near(&self.movable, 0, 0))
     }
 
     /// The present state of a row's nodes.
@@ -248,22 +269,26 @@ impl Patch {
         }
     }
 
-    /// Stores the trial state of a row's nodes in the given lanes.
+    /// Stores the trial state of a row's nodes in the given lanes. The tangents are needed only of nodes with stiff
+    /// edges.
     #[inline(always)]
-    pub fn accept<V: Lanes, S: Surface>(&mut self, row: Row, lanes: V::Mask, trial: &NodeState<V>) {
-        let blend = |window: &mut Window, new: V| {
+    pub fn accept<V: Lanes, S: Surface>(
+        &mut self,
+        row: Row,
+        lanes: V::Mask,
+        trial: &NodeState<V>,
+        stiff: bool,
+    ) {
+        for (window, new) in
+            self.u.iter_mut().zip(trial.u).chain(self.value.iter_mut().zip(trial.samples.value))
+        {
             row.store_in_window(window, lanes.select(new, row.near(window, 0, 0)));
-        };
-        for c in 0..2 {
-            blend(&mut self.u[c], trial.u[c]);
-        }
-        for c in 0..3 {
-            blend(&mut self.value[c], trial.samples.value[c]);
         }
         if S::CHORDS {
-            for c in 0..6 {
-                let old = row.load(&self.tangents[c]);
-                row.store(&mut self.tangents[c], lanes.select(trial.samples.tangents[c], old));
+            if stiff {
+                for (plane, new) in self.tangents.iter_mut().zip(trial.samples.tangents) {
+                    row.store(plane, lanes.select(new, row.load(plane)));
+                }
             }
             let old = row.near_index::<V>(&self.triangle, 0, 0);
             let new = V::select_index(lanes, trial.samples.triangle, old);

@@ -4,7 +4,11 @@
 use vrtm_core::grid::planes::{Plane, SIDE};
 use vrtm_core::grid::window::{Window, place};
 
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, each};
+use super::patch::NEIGHBOURS;
+
+/// Offsets from a row's nodes to their neighbours, in the order of `NEIGHBOURS`.
+pub type Offsets<V> = [[V; 2]; 8];
 
 /// Eight nodes of one node colour in one row of a block.
 #[derive(Clone, Copy)]
@@ -13,26 +17,12 @@ pub struct Row {
     ci: usize,
     /// Row of nodes, 0..16.
     j: usize,
-    /// Places of the first lane's node and of its neighbours, from south-west to north-east.
-    places: &'static [usize; 9],
-    /// What the row adds to them.
-    up: usize,
+    /// Indices in a window of the first lane's node and neighbours, row by row.
+    places: [usize; 9],
 }
 
 /// Rows of nodes of one node colour in a block.
 pub const ROWS: usize = 2 * SIDE;
-
-/// The places of the neighbours of each node colour's first node, and of the node.
-const PLACES: [[usize; 9]; 4] = {
-    let mut places = [[0; 9]; 4];
-    let mut n = 0;
-    while n < 36 {
-        let (colour, k) = (n / 9, n % 9);
-        places[colour][k] = place((colour & 1) + k % 3, (colour >> 1) + k / 3);
-        n += 1;
-    }
-    places
-};
 
 impl Row {
     /// All rows of nodes of a node colour.
@@ -49,7 +39,8 @@ impl Row {
 
     #[inline(always)]
     fn new(colour: usize, k: usize) -> Self {
-        Row { ci: colour & 1, j: 2 * k + (colour >> 1 & 1), places: &PLACES[colour], up: 9 * k }
+        let (ci, j) = (colour & 1, 2 * k + (colour >> 1 & 1));
+        Row { ci, j, places: each!([0, 1, 2, 3, 4, 5, 6, 7, 8], |n| place(ci + n % 3, j + n / 3)) }
     }
 
     /// Column of the first lane's node.
@@ -67,7 +58,7 @@ impl Row {
     /// Index in a window of the first lane's neighbour at (di, dj). The neighbours of the other lanes follow.
     #[inline(always)]
     pub fn at(self, di: i64, dj: i64) -> usize {
-        self.places[(3 * (dj + 1) + di + 1) as usize] + self.up
+        self.places[((dj + 1) * 3 + di + 1) as usize]
     }
 
     /// Index in a plane of the first lane's node. The nodes of the other lanes follow.
@@ -85,22 +76,13 @@ impl Row {
         V::load(unsafe { window.get_unchecked(at..at + LANES) }, 0)
     }
 
-    /// Like `near`, for indices.
+    /// Loads a window's indices at the neighbours at (di, dj).
     #[inline(always)]
     pub fn near_index<V: Lanes>(self, window: &Window<u32>, di: i64, dj: i64) -> V::Index {
         assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
         let at = self.at(di, dj);
         // SAFETY: as in `near`.
         V::load_index(unsafe { window.get_unchecked(at..at + LANES) }, 0)
-    }
-
-    /// Like `near`, for numbers of 8 bits.
-    #[inline(always)]
-    pub fn near_u8<V: Lanes>(self, window: &Window<u8>, di: i64, dj: i64) -> V {
-        assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
-        let at = self.at(di, dj);
-        // SAFETY: as in `near`.
-        V::load_u8(unsafe { window.get_unchecked(at..at + LANES) }, 0)
     }
 
     /// Loads a plane's values at the row's nodes.
@@ -124,6 +106,12 @@ impl Row {
     pub fn offset<V: Lanes>(self, u: &[Window; 2], here: &[V; 2], di: i64, dj: i64) -> [V; 2] {
         let (x, y) = (self.near::<V>(&u[0], di, dj), self.near::<V>(&u[1], di, dj));
         [(x - here[0]) + di as f32, (y - here[1]) + dj as f32]
+    }
+
+    /// The offsets to all neighbours, as by `offset`.
+    #[inline(always)]
+    pub fn offsets<V: Lanes>(self, u: &[Window; 2], here: &[V; 2]) -> Offsets<V> {
+        each!([0, 1, 2, 3, 4, 5, 6, 7], |k| self.offset(u, here, NEIGHBOURS[k].0, NEIGHBOURS[k].1))
     }
 
     /// Stores a window's values at the row's nodes.

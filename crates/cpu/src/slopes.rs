@@ -2,6 +2,8 @@
 //! comes from the differences of the samples of a node's neighbours, so it depends continuously on the state; the
 //! derivatives of the surface itself jump at the edges of triangles, and those of metrics at the nodes.
 
+use std::hint::black_box;
+
 use vrtm_core::grid::planes::{SIDE, slot};
 use vrtm_core::grid::window::{Window, place};
 use vrtm_core::mesh::NONE;
@@ -39,21 +41,18 @@ impl Patch {
         from_ends::<V, S>(&p.samples.tangents, p.samples.triangle, &ends)
     }
 
-    /// Sets `slopes` at all movable nodes of the window, and to 0 at fixed nodes. The halo is included, because the far
-    /// end of an edge moves with its own slope.
+    /// Sets `slopes` at the movable nodes of the window with stiff edges to nodes of the block. The halo is included,
+    /// because the far end of an edge moves with its own slope.
     ///
     /// # Safety
     /// Nothing writes the state meanwhile.
     #[inline(always)]
     pub unsafe fn window_slopes<V: Lanes, S: Surface>(&self, source: &Source<S>, slopes: &mut [Window; 6]) {
-        slopes.as_flattened_mut().fill(0.0);
         for row in Row::all() {
-            let movable = self.movable_lanes::<V>(row);
-            if movable.any() {
-                let x = self.slopes::<V, S>(row, &self.node_state(row));
-                each!([0, 1, 2, 3, 4, 5], |c| {
-                    row.store_in_window(&mut slopes[c], movable.select(x[c], V::zero()));
-                });
+            let (this, slopes, row) = black_box((self, &mut *slopes, row));
+            if this.movable_lanes::<V>(row).any() && this.has_stiff_edges::<V>(row) {
+                let x = this.slopes::<V, S>(row, &this.node_state(row));
+                each!([0, 1, 2, 3, 4, 5], |c| row.store_in_window(&mut slopes[c], x[c]));
             }
         }
         // The movable nodes of the halo, eight at a time.
@@ -61,7 +60,7 @@ impl Patch {
         let mut count = 0;
         for k in 0..SIDE + 1 {
             for (i, j) in [(k, 0), (SIDE + 1, k), (k + 1, SIDE + 1), (0, k + 1)] {
-                if self.movable[place(i, j)] != 0 {
+                if self.movable[place(i, j)] != 0.0 && self.is_stiff_in_halo(i, j) {
                     places[count] = (i, j);
                     count += 1;
                 }
@@ -78,6 +77,17 @@ impl Patch {
             // SAFETY: promised by the caller.
             unsafe { self.halo_slopes::<V, S>(source, &places, slopes) };
         }
+    }
+
+    /// True if the node of the halo at place (i, j), or a node of the block beside it, is rigid.
+    #[inline(always)]
+    fn is_stiff_in_halo(&self, i: usize, j: usize) -> bool {
+        let inside = |n: usize, d: usize| (n + d).clamp(2, SIDE + 1) - 1;
+        let beside = each!([0, 1, 2], |n| match j % (SIDE + 1) {
+            0 => self.rigidity[place(inside(i, n), inside(j, 1))],
+            _ => self.rigidity[place(inside(i, 1), inside(j, n))],
+        });
+        self.rigidity[place(i, j)].max(beside[0]).max(beside[1]).max(beside[2]) > 0.0
     }
 
     /// Sets the slopes at eight nodes of the halo, given by their places in the window.
