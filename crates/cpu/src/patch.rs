@@ -29,9 +29,6 @@ pub const NEIGHBOURS: [(i64, i64, usize, bool); 8] = [
     (1, -1, 3, true),
 ];
 
-/// The four cells around a node: the signs of the directions along x and y in which they lie.
-pub const QUADRANTS: [(i64, i64); 4] = [(1, 1), (-1, 1), (1, -1), (-1, -1)];
-
 /// The weights of the energy on one level (method §4).
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {

@@ -4,11 +4,14 @@
 //! fractions; if a corner still loses too much, they are multiplied by the fraction that the corner allows. The
 //! fractions depend continuously on the step, so that a warp does not jump when a corner starts to be limited.
 
+use std::hint::black_box;
+
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::{NEIGHBOURS, QUADRANTS};
+use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch_next;
-use super::super::row::Row;
+use super::super::row::{Offsets, Row};
 use super::super::run::Run;
+use super::super::terms::{CORNERS, cross, least_jacobian};
 use super::falloff::{fall_off, slopes};
 use super::transfer::active_neighbours;
 use super::workspace::{Limiting, Stepping};
@@ -120,7 +123,8 @@ impl Vectorised for AllowedFraction<'_> {
     fn run<V: Lanes>(self) -> f32 {
         let mut least = V::one();
         for row in Row::all() {
-            let fraction = allowed_fraction::<V>(self.u, self.step, self.left, row);
+            let (u, step, row) = black_box((self.u, self.step, row));
+            let fraction = allowed_fraction::<V>(u, step, self.left, row);
             least = least.min(fraction);
             row.store(self.fraction, fraction);
         }
@@ -132,36 +136,40 @@ impl Vectorised for AllowedFraction<'_> {
 #[inline(always)]
 fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], left: f32, row: Row) -> V {
     let [p, dp] = [u, step].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
+    let d = row.offsets(u, &p);
+    // The changes of these offsets over a whole step.
+    let changes: Offsets<V> = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+        each!([0, 1], |c| row.near::<V>(&step[c], NEIGHBOURS[k].0, NEIGHBOURS[k].1) - dp[c])
+    });
+    let moved = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| each!([0, 1], |c| d[k][c] + changes[k][c]));
+    let mut least = V::zero();
+    each!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], |k| {
+        let (a, b) = CORNERS[k];
+        let jacobian = cross(&d[a], &d[b]);
+        let rest = (cross(&moved[a], &moved[b]) - jacobian) + may_lose(jacobian, left);
+        least = rest.min(least);
+    });
     let mut fraction = V::one();
-    for &(sx, sy) in &QUADRANTS {
-        let sign = (sx * sy) as f32;
-        let [a, b, c] = [row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy)];
-        // The changes of these offsets over a whole step.
-        let [da, db, dc] = each!([0, 1, 2], |k| {
-            let (di, dj) = [(sx, 0), (0, sy), (sx, sy)][k];
-            each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - dp[c])
-        });
-        for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
+    // Only a few corners limit the step.
+    if least.lt(V::zero()).any() {
+        for (a, b) in CORNERS {
+            let (a, b, da, db) = (&d[a], &d[b], &changes[a], &changes[b]);
             // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus the bound and the margin to be
             // left. q(0) >= 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
-            let margin = (cross(a, b, sign) - V::splat(STEP_MIN_JACOBIAN)).max(V::zero());
-            let q0 = margin * (1.0 - left);
-            let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
+            let (q0, q1, q2) = (may_lose(cross(a, b), left), cross(da, b) + cross(a, db), cross(da, db));
             let limits = (q0 + q1 + q2).lt(V::zero());
-            if limits.any() {
-                let denominator = (q1 * q1 - q0 * q2 * 4.0).max(V::zero()).sqrt() - q1;
-                let root = (q0 + q0) / denominator.max(V::splat(f32::MIN_POSITIVE));
-                fraction = limits.select(root.min(fraction), fraction);
-            }
+            let denominator = (q1 * q1 - q0 * q2 * 4.0).max(V::zero()).sqrt() - q1;
+            let root = (q0 + q0) / denominator.max(V::splat(f32::MIN_POSITIVE));
+            fraction = limits.select(root.min(fraction), fraction);
         }
     }
     fraction
 }
 
-/// sign (a x b).
+/// The most that a corner with this Jacobian may lose.
 #[inline(always)]
-fn cross<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> V {
-    (a[0] * b[1] - a[1] * b[0]) * sign
+fn may_lose<V: Lanes>(jacobian: V, left: f32) -> V {
+    (jacobian - V::splat(STEP_MIN_JACOBIAN)).max(V::zero()) * (1.0 - left)
 }
 
 /// Multiplies the fractions of a block by the least mark of each node and its eight neighbours.
@@ -200,24 +208,11 @@ impl Vectorised for Marks<'_> {
         let mut any = false;
         for row in Row::all() {
             // Any comparison with NaN is false, so a least Jacobian of NaN counts as below ε.
-            let good = V::splat(STEP_MIN_JACOBIAN).le(least_corner::<V>(self.u, row));
+            let here = each!([0, 1], |c| row.near::<V>(&self.u[c], 0, 0));
+            let good = V::splat(STEP_MIN_JACOBIAN).le(least_jacobian(&row.offsets(self.u, &here)));
             any |= good.bits() != u8::MAX;
             row.store(self.mark, good.select(V::one(), V::zero()));
         }
         any
     }
-}
-
-/// The least of the twelve corner Jacobians at each node of a row.
-#[inline(always)]
-fn least_corner<V: Lanes>(u: &[Window; 2], row: Row) -> V {
-    let mut least = V::splat(f32::MAX);
-    let p = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
-    for &(sx, sy) in &QUADRANTS {
-        let (a, b, c) = (row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy));
-        for (a, b) in [(&a, &b), (&a, &c), (&c, &b)] {
-            least = cross(a, b, (sx * sy) as f32).min(least);
-        }
-    }
-    least
 }
