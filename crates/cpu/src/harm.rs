@@ -1,12 +1,16 @@
 //! harm: stiffens painted features that come out worse than without a warp (method §4, Harm).
 
+use std::hint::black_box;
+
+use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
+use super::row::Row;
 use super::run::Run;
 use super::sampling::resample::Start;
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::grid::Level;
-use vrtm_core::grid::features::{LEAST_EDGES, LEVELS, Pieces};
-use vrtm_core::grid::planes::{EDGES, Plane, node_at};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::features::{LEAST_EDGES, LEVELS};
+use vrtm_core::grid::planes::{EDGES, Plane};
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
 use vrtm_core::method::law::{self, MULTIPLIER_STEPS, TINY};
 use vrtm_core::team::SharedSlice;
 
@@ -84,52 +88,73 @@ impl Run<'_> {
             let first = pieces.first[b] as usize;
             if first < pieces.first[b + 1] as usize {
                 // SAFETY: each block has its own pieces.
-                of_block(level, pieces, k == 0, values, u, b, |piece, square| unsafe {
-                    *shared.get_mut(first + piece) += square;
-                });
+                let add = |piece, square| unsafe { *shared.get_mut(first + piece) += square };
+                dispatch(BlockSquares { level, tags: &pieces.tags[b], values, u, is_finest: k == 0, b, add });
             }
         });
         sums
     }
 }
 
-/// Calls `add(piece, square)` for the edges that the nodes of block `b` own inside of features.
-fn of_block(
-    level: &Level,
-    pieces: &Pieces,
+/// Sums the squares of the strain of the edges that a block's nodes own inside of features, per piece of the block.
+struct BlockSquares<'a, F> {
+    level: &'a Level,
+    tags: &'a Plane<u16>,
+    values: &'a [[Plane; 3]],
+    u: Option<&'a [[Plane; 2]]>,
     is_finest: bool,
-    values: &[[Plane; 3]],
-    u: Option<&[[Plane; 2]]>,
     b: usize,
-    mut add: impl FnMut(usize, f32),
-) {
-    let neighbours = &level.blocks.neighbours[b];
-    let value: [Window; 3] = window::planes(neighbours, |b, c| &values[b][c]);
-    let moved: [Window; 2] = match u {
-        Some(u) => window::planes(neighbours, |b, c| &u[b][c]),
-        None => [[0.0; WINDOW_NODES]; 2],
-    };
-    let chart = level.blocks.list[b].chart as usize;
-    for (s, &tag) in pieces.tags[b].iter().enumerate().filter(|(_, tag)| **tag > 0xff) {
-        let (i, j) = node_at(s);
-        let near = place(i + 1, j + 1);
-        for (e, &(di, dj)) in EDGES.iter().enumerate().filter(|(e, _)| tag >> (8 + e) & 1 != 0) {
-            let far = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
-            let rest = level.lengths[chart][e].length(level.rest_length[b][e][s]);
-            let square = if is_finest {
-                let [x, y, z] = value.each_ref().map(|value| value[far] - value[near]);
-                x * x + y * y + z * z
-            } else if value[0][near] > 0.0 && value[0][far] > 0.0 {
-                let g = value.each_ref().map(|g| (g[near] + g[far]) * 0.5);
-                let x = (moved[0][far] - moved[0][near]) + di as f32;
-                let y = (moved[1][far] - moved[1][near]) + dj as f32;
-                ((g[0] * x + g[1] * y) * x + (g[1] * x + g[2] * y) * y).max(0.0)
-            } else {
+    /// Called with a piece and a part of its sum.
+    add: F,
+}
+
+impl<F: FnMut(usize, f32)> Vectorised for BlockSquares<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let BlockSquares { level, tags, values, u, is_finest, b, mut add } = self;
+        let neighbours = &level.blocks.neighbours[b];
+        let value: [Window; 3] = window::planes(neighbours, |b, c| &values[b][c]);
+        let moved: [Window; 2] = match u {
+            Some(u) if !is_finest => window::planes(neighbours, |b, c| &u[b][c]),
+            _ => [[0.0; WINDOW_NODES]; 2],
+        };
+        let chart = level.blocks.list[b].chart as usize;
+        let floor = V::splat(level.floor[chart]);
+        for row in Row::all() {
+            let s = row.slot();
+            let tags = &tags[s..s + LANES];
+            if tags.iter().all(|&tag| tag <= 0xff) {
                 continue;
-            };
-            let strain = ((square + TINY).sqrt() - rest) / rest.max(level.floor[chart]);
-            // Not a number counts as 1.
-            add(usize::from(tag & 0xff) - 1, (strain * strain).min(1.0));
+            }
+            let (row, value, moved) = black_box((row, &value, &moved));
+            let near = each!([0, 1, 2], |c| row.near::<V>(&value[c], 0, 0));
+            let here = each!([0, 1], |c| row.near::<V>(&moved[c], 0, 0));
+            let mut sum = V::zero();
+            each!([0, 1, 2, 3], |e| {
+                let (di, dj) = EDGES[e];
+                let rest = V::load_lengths(&level.rest_length[b][e], s, level.lengths[chart][e]);
+                let far = each!([0, 1, 2], |c| row.near::<V>(&value[c], di, dj));
+                let mut inside =
+                    tags.iter().rev().fold(0, |bits, tag| bits << 1 | (tag >> (8 + e) & 1) as u8);
+                let square = if is_finest {
+                    let [x, y, z] = each!([0, 1, 2], |c| far[c] - near[c]);
+                    x * x + y * y + z * z
+                } else {
+                    inside &= V::zero().lt(near[0].min(far[0])).bits();
+                    let g = each!([0, 1, 2], |c| (near[c] + far[c]) * 0.5);
+                    let [x, y] = row.offset(moved, &here, di, dj);
+                    ((g[0] * x + g[1] * y) * x + (g[1] * x + g[2] * y) * y).max(V::zero())
+                };
+                let strain = ((square + TINY).sqrt() - rest) / rest.max(floor);
+                // Not a number counts as 1.
+                let square = (strain * strain).min(V::one());
+                sum += V::Mask::from_bits(inside).select(square, V::zero());
+            });
+            for (tag, square) in tags.iter().zip(sum.to_array()).filter(|(tag, _)| **tag > 0xff) {
+                add(usize::from(tag & 0xff) - 1, square);
+            }
         }
     }
 }
