@@ -135,6 +135,7 @@ impl Blocks {
     }
 
     /// The block that holds the node (i, j) in the chart of block `from`, or `NONE`.
+    #[inline]
     pub fn holding(&self, from: usize, i: i64, j: i64) -> u32 {
         let (x, y) = (i >> 4, j >> 4);
         let b = &self.list[from];

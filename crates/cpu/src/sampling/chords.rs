@@ -134,7 +134,7 @@ impl Chords<'_> {
     #[inline(always)]
     pub fn nearest(&self, b: usize, i: i64, j: i64, u: [f32; 2]) -> Option<u32> {
         let blocks = &self.grid.levels[0].blocks;
-        let (x, y) = (i + u[0].round() as i64, j + u[1].round() as i64);
+        let [x, y] = [(i, u[0]), (j, u[1])].map(|(n, u)| n + (u + 0.5).floor() as i64);
         let triangle = match blocks.holding(b, x, y) {
             NONE => NONE,
             near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
