@@ -5,7 +5,7 @@ use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
 use super::super::run::Run;
-use super::rows::{BlockRows, Halo, Pairs, Rows, Words, halo_words};
+use super::rows::{BlockRows, Halo, Rows, WordWindows, Words, halo_words};
 use super::transfer::{CoarseNodes, Weights, active_neighbours, coarse_nodes};
 use super::workspace::SolvingLevel;
 use vrtm_core::grid::planes::Plane;
@@ -36,8 +36,8 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
         // SAFETY: as above.
         let product = coarser.then(|| unsafe { product.get_mut(b) });
         let (words, halo, movable) = (&words[b], &*halo, &grid.movable[b]);
-        run.pairs.with(worker, |pairs| {
-            dispatch(Complete { words, halo, movable, pairs, diagonal, ones, product })
+        run.words.with(worker, |windows| {
+            dispatch(Complete { words, halo, movable, windows, diagonal, ones, product })
         });
     });
 }
@@ -47,7 +47,7 @@ struct Complete<'a> {
     words: &'a Words,
     halo: &'a Halo,
     movable: &'a Plane<u8>,
-    pairs: &'a mut Pairs,
+    windows: &'a mut WordWindows,
     diagonal: &'a mut [Plane; 3],
     /// The weights of P and the coarse nodes' mobility, unless all of them can move.
     ones: Option<(Weights, CoarseNodes)>,
@@ -60,19 +60,19 @@ impl Vectorised for Complete<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Complete { words, halo, movable, pairs, diagonal, ones, mut product } = self;
+        let Complete { words, halo, movable, windows, diagonal, ones, mut product } = self;
         let ones = ones.map(|(weights, nodes)| {
             let mut ones: Window = [0.0; WINDOW_NODES];
             weights.interpolate(&nodes, &mut ones);
             ones
         });
-        BlockRows { diagonal, words, halo }.pairs::<V>(pairs);
+        BlockRows { diagonal, words, halo }.gather::<V>(windows);
         for row in Row::all() {
             let sums = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
             let lanes = V::zero().lt(V::load_u8(movable, row.slot()));
             let mut diagonal_block = sums;
             each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
-                let pair = symmetric_part::<V>(pairs, row, k);
+                let pair = symmetric_part::<V>(windows, row, k);
                 for c in 0..3 {
                     diagonal_block[c] -= pair[c];
                 }
@@ -90,7 +90,7 @@ impl Vectorised for Complete<'_> {
                 each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
                     let (di, dj, ..) = NEIGHBOURS[k];
                     let difference = row.near::<V>(ones, di, dj) - here;
-                    let pair = symmetric_part::<V>(pairs, row, k);
+                    let pair = symmetric_part::<V>(windows, row, k);
                     for c in 0..3 {
                         of_row[c] += pair[c] * difference;
                     }
@@ -105,9 +105,9 @@ impl Vectorised for Complete<'_> {
 
 /// (xx, xy, yy) of the symmetric part of the pairs between a row's nodes and their neighbours `k`.
 #[inline(always)]
-fn symmetric_part<V: Lanes>(pairs: &Pairs, row: Row, k: usize) -> [V; 3] {
+fn symmetric_part<V: Lanes>(words: &WordWindows, row: Row, k: usize) -> [V; 3] {
     let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
     let (oi, oj) = if neighbour_owns { (di, dj) } else { (0, 0) };
-    let [xx, xy, yx, yy] = each!([0, 1, 2, 3], |c| row.near::<V>(&pairs[4 * e + c], oi, oj));
-    [xx, (xy + yx) * 0.5, yy]
+    let [first, second] = each!([0, 1], |w| V::unpack_bfloat16(row.near_index::<V>(&words[e][w], oi, oj)));
+    [first.0, first.1, second.0]
 }

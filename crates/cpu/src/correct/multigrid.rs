@@ -8,7 +8,7 @@ use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch_next;
 use super::super::row::Row;
 use super::super::run::Run;
-use super::rows::{BlockRows, Pairs, Rows};
+use super::rows::{BlockRows, Rows, WordWindows, decode};
 use super::transfer::{CoarseNodes, Weights, active_neighbours, coarse_nodes, sum_contributions};
 use super::workspace::SolvingLevel;
 use vrtm_core::allocation::Vec;
@@ -57,9 +57,9 @@ fn descend(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: u32, cont
         let weights = contributes.then(|| Weights::new(grid, b));
         let to_coarser = weights.as_ref().map(|weights| (weights, contributions));
         let (rows, r, windows) = (rows.block(b), &r[b], &mut [[0.0; WINDOW_NODES]; 2]);
-        run.pairs.with(worker, |pairs| {
+        run.words.with(worker, |words| {
             let (down, from_coarser, dot) = (true, None, false);
-            dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, down, from_coarser, to_coarser, dot, z })
+            dispatch(SmoothBlock { rows, words, r, windows, sweeps, down, from_coarser, to_coarser, dot, z })
         });
     });
 }
@@ -94,9 +94,9 @@ fn ascend(
         let from_coarser = coarse.as_ref().map(|(weights, nodes)| (weights, nodes));
         // SAFETY: each item has its own block.
         let (r, z) = (&r[b], unsafe { z.get_mut(b) });
-        f64::from(run.pairs.with(worker, |pairs| {
+        f64::from(run.words.with(worker, |words| {
             let (down, to_coarser) = (false, None);
-            dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, down, from_coarser, to_coarser, dot, z })
+            dispatch(SmoothBlock { rows, words, r, windows, sweeps, down, from_coarser, to_coarser, dot, z })
         }))
     })
 }
@@ -105,7 +105,7 @@ fn ascend(
 /// 0 without `dot`.
 struct SmoothBlock<'a> {
     rows: BlockRows<'a>,
-    pairs: &'a mut Pairs,
+    words: &'a mut WordWindows,
     r: &'a [Plane; 2],
     windows: &'a mut [Window; 2],
     sweeps: u32,
@@ -125,14 +125,14 @@ impl Vectorised for SmoothBlock<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f32 {
-        let SmoothBlock { rows, pairs, r, windows, sweeps, down, from_coarser, to_coarser, dot, z } = self;
+        let SmoothBlock { rows, words, r, windows, sweeps, down, from_coarser, to_coarser, dot, z } = self;
         if let Some((weights, nodes)) = from_coarser {
             for c in 0..2 {
                 weights.interpolate(&nodes[c], &mut windows[c]);
             }
         }
-        rows.pairs::<V>(pairs);
-        smooth_block::<V>(&rows, pairs, r, sweeps, down, windows);
+        rows.gather::<V>(words);
+        smooth_block::<V>(&rows, words, r, sweeps, down, windows);
         let mut sum = V::zero();
         for row in Row::all() {
             for c in 0..2 {
@@ -167,7 +167,7 @@ impl Vectorised for SmoothBlock<'_> {
 #[inline(always)]
 fn smooth_block<V: Lanes>(
     rows: &BlockRows,
-    pairs: &Pairs,
+    words: &WordWindows,
     r: &[Plane; 2],
     sweeps: u32,
     down: bool,
@@ -177,7 +177,7 @@ fn smooth_block<V: Lanes>(
         each!([0, 1, 2, 3], |colour| {
             for row in Row::of_colour(colour) {
                 let known = |di: i64, dj: i64| colour ^ (di & 1) as usize ^ (dj & 1) as usize * 2 < colour;
-                let product = off_diagonal::<V>(pairs, row, z, known);
+                let product = off_diagonal::<V>(words, row, z, known);
                 smooth_row::<V>(rows.diagonal, r, row, product, z);
             }
         });
@@ -185,7 +185,7 @@ fn smooth_block<V: Lanes>(
     for _ in u32::from(down)..sweeps {
         for k in 0..4 {
             for row in Row::of_colour(if down { k } else { 3 - k }) {
-                let product = off_diagonal::<V>(pairs, row, z, |_, _| true);
+                let product = off_diagonal::<V>(words, row, z, |_, _| true);
                 smooth_row::<V>(rows.diagonal, r, row, product, z);
             }
         }
@@ -211,7 +211,7 @@ fn smooth_row<V: Lanes>(
 /// The sum of A_pn z_n over the neighbours for whose offsets `known` is true.
 #[inline(always)]
 fn off_diagonal<V: Lanes>(
-    pairs: &Pairs,
+    words: &WordWindows,
     row: Row,
     z: &[Window; 2],
     known: impl Fn(i64, i64) -> bool,
@@ -221,7 +221,7 @@ fn off_diagonal<V: Lanes>(
         let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
         if known(di, dj) {
             let (oi, oj) = if neighbour_owns { (di, dj) } else { (0, 0) };
-            let pair = each!([0, 1, 2, 3], |c| row.near::<V>(&pairs[4 * e + c], oi, oj));
+            let pair = decode::<V>(each!([0, 1], |w| row.near_index::<V>(&words[e][w], oi, oj)));
             let (b, c) = if neighbour_owns { (pair[2], pair[1]) } else { (pair[1], pair[2]) };
             let (x, y) = (row.near::<V>(&z[0], di, dj), row.near::<V>(&z[1], di, dj));
             sum[0] += pair[0] * x + b * y;

@@ -14,9 +14,12 @@ use vrtm_core::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
 use vrtm_core::grid::window::{WINDOW_NODES, Window, place};
 use vrtm_core::mesh::NONE;
 
-/// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n,
-/// at p's place in the window. The index is 4 x edge + entry.
+/// Decoded pairs of a block and its halo: per owned edge (p, n), the row-major 2x2 block with row p and column n, at p's
+/// place in the window. The index is 4 x edge + entry.
 pub type Pairs = [[f32; WINDOW_NODES]; 16];
+
+/// The encoded pairs that a block's rows need, as in `Words`, in windows.
+pub type WordWindows = [[Window<u32>; 2]; 4];
 
 /// The encoded pairs that a block's nodes own: per owned edge, the two words of `encode`.
 pub type Words = [[Plane<u32>; 2]; 4];
@@ -165,30 +168,27 @@ impl BlockRows<'_> {
         }
     }
 
-    /// Decodes all pairs of the block's rows. The other entries of the halo in `pairs` are left unchanged.
+    /// Gathers the words of all pairs of the block's rows. The other entries of the halo in `words` are left unchanged.
     #[inline(always)]
-    pub fn pairs<V: Lanes>(&self, pairs: &mut Pairs) {
-        self.interior_pairs::<V>(pairs);
+    pub fn gather<V: Lanes>(&self, words: &mut WordWindows) {
+        for row in Row::all() {
+            for (windows, planes) in words.iter_mut().zip(self.words) {
+                for w in 0..2 {
+                    V::store_index(V::load_index(&planes[w], row.slot()), &mut windows[w], row.at(0, 0));
+                }
+            }
+        }
         for (g, group) in HALO_GROUPS.iter().enumerate() {
-            let at = g * LANES;
-            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&self.halo[w], at)));
             let [first, step] = group.place;
-            for c in 0..4 {
-                let window = &mut pairs[4 * group.edge + c];
-                if step == 1 {
-                    pair[c].store(window, first);
-                } else {
-                    for (k, x) in pair[c].to_array().into_iter().enumerate() {
-                        window[first + k * step] = x;
-                    }
+            for w in 0..2 {
+                for k in 0..LANES {
+                    words[group.edge][w][first + k * step] = self.halo[w][g * LANES + k];
                 }
             }
         }
         for (n, &[edge, _, _, place, _]) in HALO_CORNERS.iter().enumerate() {
-            let at = HALO_GROUPS.len() * LANES + n;
-            let pair = decode_one([self.halo[0][at], self.halo[1][at]]);
-            for c in 0..4 {
-                pairs[4 * edge + c][place] = pair[c];
+            for w in 0..2 {
+                words[edge][w][place] = self.halo[w][HALO_GROUPS.len() * LANES + n];
             }
         }
     }
