@@ -19,7 +19,7 @@ use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::team::{PerThread, SharedSlice, Team, Worker};
 
 use super::buffers::State;
-use super::correct::rows::{Pairs, WordWindows};
+use super::correct::rows::WordWindows;
 use super::memory::{Lists, Memory};
 use super::patch::{Patch, Source, Weights};
 use super::sampling::Surface;
@@ -83,7 +83,6 @@ pub struct Run<'a> {
     pub(super) known_energies: Vec<Option<f64>>,
     pub(super) node_updates: AtomicU64,
     pub(super) patches: PerThread<'a, Patch>,
-    pub(super) pairs: PerThread<'a, Pairs>,
     pub(super) words: PerThread<'a, WordWindows>,
     pub(super) slopes: PerThread<'a, [Window; 6]>,
 }
@@ -138,7 +137,6 @@ impl<'a> Run<'a> {
             known_energies: vec![None; charts.len()],
             node_updates: AtomicU64::new(0),
             patches: PerThread::new(team, Patch::zeroed),
-            pairs: PerThread::new(team, zeroed_box),
             words: PerThread::new(team, zeroed_box),
             slopes: PerThread::new(team, zeroed_box),
         }

@@ -7,7 +7,7 @@ use super::super::decode::interpolation;
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
 use super::super::prefetch::prefetch_next;
 use super::super::run::Run;
-use super::rows::{BlockRows, Pairs, Words, decode_one, encode, halo_pairs};
+use super::rows::{WordWindows, Words, decode, decode_one, encode};
 use super::transfer::{RestrictQuarter, active_neighbours};
 use super::workspace::SolvingLevel;
 use vrtm_core::grid::codes::decode_weight;
@@ -44,17 +44,19 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
             let windows = &window::planes(&neighbours, |b, c| &fine.product[b][c]);
             let (weights, movable_here) = (&weights, &level.movable[b]);
             dispatch(RestrictQuarter { windows, weights, movable: movable_here, quarter, r: sums });
-            run.pairs.with(worker, |pairs| {
+            run.words.with(worker, |windows| {
                 let neighbour = |k: usize| (neighbours[k] != NONE).then(|| neighbours[k] as usize);
                 let diagonals = [0, 1, 3, 4].map(|k| neighbour(k).map(|b| &fine.rows.diagonal[b]));
+                for (e, windows) in windows.iter_mut().enumerate() {
+                    for (w, window) in windows.iter_mut().enumerate() {
+                        window::load(&neighbours, 0, |b| &fine.rows.words[b][e][w], window);
+                    }
+                }
                 dispatch(QuarterPairs {
-                    fine_rows: fine.rows.block(child as usize),
-                    fine_words: &fine.rows.words,
-                    neighbours: &neighbours,
+                    pairs: windows,
                     diagonals,
                     west: neighbour(3).map(|b| (&fine_level.interpolation[b], &fine.rows.words[b][0])),
                     weights,
-                    pairs,
                     movable: &movable,
                     quarter,
                     words,
@@ -66,17 +68,13 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
 
 /// Forms the pairs that the 8x8 coarse nodes over one fine block own, a row of eight nodes at a time.
 struct QuarterPairs<'a> {
-    fine_rows: BlockRows<'a>,
-    /// The encoded pairs of all fine blocks.
-    fine_words: &'a [Words],
-    /// The active 3x3 neighbours of the fine block.
-    neighbours: &'a [u32; 9],
+    /// The encoded pairs of the fine block.
+    pairs: &'a WordWindows,
     /// The diagonal blocks of the fine blocks to the south-west, south and west, and of the fine block itself.
     diagonals: [Option<&'a [Plane; 3]>; 4],
     weights: &'a Window,
     /// The interpolation weights of the fine block to the west, and its pairs along edges to the east.
     west: Option<(&'a Plane<u8>, &'a [Plane<u32>; 2])>,
-    pairs: &'a mut Pairs,
     movable: &'a Window<u8>,
     quarter: usize,
     /// The encoded pairs of the coarse block.
@@ -106,9 +104,7 @@ impl Vectorised for QuarterPairs<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        halo_pairs::<V>(self.fine_words, self.neighbours, self.pairs);
-        self.fine_rows.interior_pairs::<V>(self.pairs);
-        let (pairs, weights) = (&*self.pairs, self.weights);
+        let (pairs, weights) = (self.pairs, self.weights);
         let [south_west, south, west, centre] = self.diagonals;
         let (weights_of_west, east_of_west) = self.west.unzip();
         // Row -1 lies in the blocks to the south, but its pairs are also in this block's halo.
@@ -127,7 +123,7 @@ impl Vectorised for QuarterPairs<'_> {
 /// `west`. `east_of_west` holds the western block's pairs along edges to the east, if they are needed.
 #[inline(always)]
 fn x_product<V: Lanes>(
-    fine: &Pairs,
+    fine: &WordWindows,
     weights: &Window,
     w: usize,
     [centre, west]: [Option<&[Plane; 3]>; 2],
@@ -153,7 +149,8 @@ fn x_product<V: Lanes>(
     // Column -2 is two columns into the block to the west.
     let first =
         east_of_west.map_or([0.0; 4], |words| decode_one([0, 1].map(|w| words[w][slot(SIDE - 2, y)])));
-    let east_before = each!([0, 1, 2, 3], |k| with_first(V::load(&fine[k], c - 1), first[k]));
+    let before = pairs::<V>(fine, 0, c - 1);
+    let east_before = each!([0, 1, 2, 3], |k| with_first(before[k], first[k]));
     // Weights of the fine columns 2I - 1 and 2I + 1 for the lower of their two coarse columns, in this row and the
     // next.
     let (l_north, r_north) = (place(0, w + 1), place(2, w + 1));
@@ -241,8 +238,8 @@ fn y_product<V: Lanes>(
 
 /// The pairs along owned edge `e` of the eight nodes from place `at` of the window on.
 #[inline(always)]
-fn pairs<V: Lanes>(pairs: &Pairs, e: usize, at: usize) -> Matrix<V> {
-    each!([0, 1, 2, 3], |c| V::load(&pairs[4 * e + c], at))
+fn pairs<V: Lanes>(words: &WordWindows, e: usize, at: usize) -> Matrix<V> {
+    decode::<V>(each!([0, 1], |w| V::load_index(&words[e][w], at)))
 }
 
 /// The row-major 2x2 block of a symmetric (xx, xy, yy).

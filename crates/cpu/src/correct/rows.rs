@@ -10,13 +10,9 @@ use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::codes::unpack_bfloat16;
-use vrtm_core::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
-use vrtm_core::grid::window::{WINDOW_NODES, Window, place};
+use vrtm_core::grid::planes::{EDGES, Plane, SIDE, slot};
+use vrtm_core::grid::window::{Window, place};
 use vrtm_core::mesh::NONE;
-
-/// Decoded pairs of a block and its halo: per owned edge (p, n), the row-major 2x2 block with row p and column n, at p's
-/// place in the window. The index is 4 x edge + entry.
-pub type Pairs = [[f32; WINDOW_NODES]; 16];
 
 /// The encoded pairs that a block's rows need, as in `Words`, in windows.
 pub type WordWindows = [[Window<u32>; 2]; 4];
@@ -154,20 +150,6 @@ const HALO_CORNERS: [[usize; 5]; 2] = [
 ];
 
 impl BlockRows<'_> {
-    /// Decodes the pairs of the block's own nodes.
-    #[inline(always)]
-    pub fn interior_pairs<V: Lanes>(&self, pairs: &mut Pairs) {
-        for row in Row::all() {
-            for (e, words) in self.words.iter().enumerate() {
-                let s = row.slot();
-                let pair = decode::<V>([V::load_index(&words[0], s), V::load_index(&words[1], s)]);
-                for c in 0..4 {
-                    row.store_in_window(&mut pairs[4 * e + c], pair[c]);
-                }
-            }
-        }
-    }
-
     /// Gathers the words of all pairs of the block's rows. The other entries of the halo in `words` are left unchanged.
     #[inline(always)]
     pub fn gather<V: Lanes>(&self, words: &mut WordWindows) {
@@ -258,52 +240,6 @@ impl Places {
         }
         for (k, x) in x.to_array().into_iter().enumerate() {
             window[first + k * step] += x;
-        }
-    }
-}
-
-/// Decodes the pairs that nodes of a block's halo own into the window, from the neighbour blocks (see
-/// `active_neighbours`). Leaves out the northern row except for its corners: no caller needs the pairs of its nodes.
-#[inline(always)]
-pub fn halo_pairs<V: Lanes>(words: &[Words], neighbours: &[u32; 9], pairs: &mut Pairs) {
-    const ZEROS: &[Plane<u32>; 2] = &[[0; NODES]; 2];
-    const LAST: usize = SIDE - 1;
-    for e in 0..4 {
-        let from = |k: usize| match neighbours[k] {
-            NONE => ZEROS,
-            b => &words[b as usize][e],
-        };
-        let pairs = &mut pairs[4 * e..4 * e + 4];
-        let south = from(1);
-        for ci in 0..2 {
-            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&south[w], slot(ci, LAST))));
-            for c in 0..4 {
-                pair[c].store(&mut pairs[c], place(ci + 1, 0));
-            }
-        }
-        for (k, i, to) in [(3, LAST, 0), (5, 0, SIDE + 1)] {
-            let column = from(k);
-            for cj in 0..2 {
-                let words = each!([0, 1], |w| {
-                    let at = slot(i, cj);
-                    V::index_from_array(each!([0, 1, 2, 3, 4, 5, 6, 7], |n| column[w][at + n * (SIDE / 2)]))
-                });
-                for (c, x) in decode::<V>(words).into_iter().enumerate() {
-                    for (n, x) in x.to_array().into_iter().enumerate() {
-                        pairs[c][place(to, cj + 1) + 9 * n] = x;
-                    }
-                }
-            }
-        }
-        for (k, at, to) in [
-            (0, slot(LAST, LAST), place(0, 0)),
-            (2, slot(0, LAST), place(SIDE + 1, 0)),
-            (6, slot(LAST, 0), place(0, SIDE + 1)),
-            (8, slot(0, 0), place(SIDE + 1, SIDE + 1)),
-        ] {
-            for (c, x) in decode_one(from(k).map(|plane| plane[at])).into_iter().enumerate() {
-                pairs[c][to] = x;
-            }
         }
     }
 }
