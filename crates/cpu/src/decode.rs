@@ -21,7 +21,7 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) -> bool {
     window::load(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b], &mut codes);
     let mut most = V::zero();
     for at in window_vectors() {
-        let rigidity = V::load_u16(&codes, at) / V::splat(codes::RIGIDITY_STEPS);
+        let rigidity = V::load_u16(&codes, at) * (1.0 / codes::RIGIDITY_STEPS);
         most = most.max(rigidity);
         rigidity.store(out, at);
     }

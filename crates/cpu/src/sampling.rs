@@ -6,7 +6,7 @@ pub mod metrics;
 pub mod record;
 pub mod resample;
 
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, Mask, each};
 use super::row::Row;
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{Plane, SIDE};
@@ -47,6 +47,31 @@ impl GridRow {
     #[inline(always)]
     pub fn column(&self, k: usize) -> i64 {
         self.i + 2 * k as i64
+    }
+}
+
+/// Places near a row's nodes, as multiples of cells, relative to the first node of their block.
+struct BlockPlace<V>([V; 2]);
+
+impl<V: Lanes> BlockPlace<V> {
+    /// The places at whole offsets from the nodes.
+    #[inline(always)]
+    fn new(nodes: &GridRow, offset: [V; 2]) -> BlockPlace<V> {
+        let (i, j) = (nodes.i % SIDE as i64, nodes.j % SIDE as i64);
+        let columns = V::from_array(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| (i + 2 * k as i64) as f32));
+        BlockPlace([offset[0] + columns, offset[1] + V::splat(j as f32)])
+    }
+
+    /// The slots of these places in a plane, and the lanes in which both coordinates are under `side`: only there the
+    /// slots have a meaning.
+    #[inline(always)]
+    fn slots(&self, side: usize) -> ([u8; LANES], u8) {
+        let BlockPlace([x, y]) = *self;
+        let [p, q] = each!([0, 1], |c| (self.0[c] * 0.5).floor());
+        let slots = (x - p * 2.0) * 64.0 + p + ((y - q * 2.0) * 128.0 + q * 8.0);
+        let (low, high) = (V::zero(), V::splat(side as f32));
+        let inside = low.le(x).and(low.le(y)).and(x.lt(high)).and(y.lt(high));
+        (slots.to_array().map(|slot| slot as u8), inside.bits())
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::super::lanes::{LANES, Lanes, Mask, each};
 use super::record::TriangleRecord;
-use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
+use super::{BlockPlace, GradientTerms, GridRow, Samples, Slopes, Surface};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{Plane, SIDE, slot};
 use vrtm_core::mesh::NONE;
@@ -130,17 +130,43 @@ impl Chords<'_> {
         })
     }
 
-    /// The rest triangle of the node nearest to node (i, j) + u, if it lies in the chart of block `b`.
+    /// The rest triangles of the nodes nearest to a row's nodes displaced by u, or those `at_rest` of the nodes
+    /// themselves where there is none in the chart.
     #[inline(always)]
-    pub fn nearest(&self, b: usize, i: i64, j: i64, u: [f32; 2]) -> Option<u32> {
+    pub fn nearest_row<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], at_rest: &[u32]) -> [u32; LANES] {
+        let block = nodes.block;
+        let (slots, inside) = BlockPlace::new(nodes, each!([0, 1], |c| (u[c] + 0.5).floor())).slots(SIDE);
+        let [x, y] = each!([0, 1], |c| u[c].to_array());
+        let mut triangles = [NONE; LANES];
+        for (k, triangle) in triangles.iter_mut().enumerate() {
+            let near = if inside >> k & 1 != 0 {
+                self.of_chart(self.grid.triangle[block][usize::from(slots[k])], block)
+            } else {
+                self.nearest(block, nodes.column(k), nodes.j, [x[k], y[k]])
+            };
+            *triangle = near.unwrap_or(at_rest[k]);
+        }
+        triangles
+    }
+
+    /// A triangle if it lies in the chart of block `b`.
+    #[inline(always)]
+    fn of_chart(&self, triangle: u32, b: usize) -> Option<u32> {
+        let grid = self.grid;
+        let is_usable =
+            triangle != NONE && grid.chart_of[triangle as usize] == grid.levels[0].blocks.list[b].chart;
+        is_usable.then_some(triangle)
+    }
+
+    /// The rest triangle of the node nearest to node (i, j) + u, if it lies in the chart of block `b`.
+    fn nearest(&self, b: usize, i: i64, j: i64, u: [f32; 2]) -> Option<u32> {
         let blocks = &self.grid.levels[0].blocks;
         let [x, y] = [(i, u[0]), (j, u[1])].map(|(n, u)| n + (u + 0.5).floor() as i64);
         let triangle = match blocks.holding(b, x, y) {
             NONE => NONE,
             near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
         };
-        let is_usable = triangle != NONE && self.grid.chart_of[triangle as usize] == blocks.list[b].chart;
-        is_usable.then_some(triangle)
+        self.of_chart(triangle, b)
     }
 
     /// Walks from triangle `t` to the one under node (i, j) + u. `None` if the walk ends at a border or after

@@ -2,7 +2,7 @@
 //! Lengths are arc lengths.
 
 use super::super::lanes::{LANES, Lanes, Mask, each};
-use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
+use super::{BlockPlace, GradientTerms, GridRow, Samples, Slopes, Surface};
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{Plane, SIDE, slot};
 use vrtm_core::mesh::NONE;
@@ -19,24 +19,9 @@ pub struct Metrics<'a> {
 impl Metrics<'_> {
     /// The metrics at (i, j), (i + 1, j), (i, j + 1) and (i + 1, j + 1) in the chart of block `b`; `None` if one of
     /// these nodes is not stored.
-    #[inline(always)]
     fn corners(&self, b: usize, i: i64, j: i64) -> Option<[[f32; 3]; 4]> {
-        let holder = self.level.blocks.holding(b, i, j);
-        if holder == NONE {
-            return None;
-        }
-        let low = self.node(holder, i, j);
-        // Most cells lie within one block.
-        if i as usize % SIDE != SIDE - 1 && j as usize % SIDE != SIDE - 1 {
-            return Some([
-                low,
-                self.node(holder, i + 1, j),
-                self.node(holder, i, j + 1),
-                self.node(holder, i + 1, j + 1),
-            ]);
-        }
-        let mut corners = [low; 4];
-        for (corner, (i, j)) in corners[1..].iter_mut().zip([(i + 1, j), (i, j + 1), (i + 1, j + 1)]) {
+        let mut corners = [[0.0; 3]; 4];
+        for (corner, (i, j)) in corners.iter_mut().zip([(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)]) {
             match self.level.blocks.holding(b, i, j) {
                 NONE => return None,
                 block => *corner = self.node(block, i, j),
@@ -69,10 +54,25 @@ impl Metrics<'_> {
         let cell_origin = each!([0, 1], |c| u[c].floor());
         let coordinates = each!([0, 1], |c| u[c] - cell_origin[c]);
         let (x, y) = (cell_origin[0].to_array(), cell_origin[1].to_array());
+        let planes = &self.metric[nodes.block];
+        // Most cells lie within the block of the nodes.
+        let (slots, inside) = BlockPlace::new(nodes, cell_origin).slots(SIDE - 1);
         let mut corners = [[[0.0f32; LANES]; 3]; 4];
         let (bits, mut lost) = (lanes.bits(), 0u8);
         for k in 0..LANES {
             if bits >> k & 1 == 0 {
+                continue;
+            }
+            if inside >> k & 1 != 0 {
+                let slot = slots[k];
+                // Neighbours of a node have slots of other colours.
+                let east = if slot & 64 == 0 { slot + 64 } else { slot - 63 };
+                let north = if slot & 128 == 0 { 128 } else { 136u8 };
+                for c in 0..3 {
+                    let plane = &planes[c];
+                    let at = [slot, east, slot.wrapping_add(north), east.wrapping_add(north)];
+                    each!([0, 1, 2, 3], |n| corners[n][c][k] = plane[usize::from(at[n])]);
+                }
                 continue;
             }
             match self.corners(nodes.block, nodes.column(k) + x[k] as i64, nodes.j + y[k] as i64) {

@@ -97,15 +97,10 @@ impl Vectorised for ResampleChords<'_> {
                 continue;
             }
             let displacement = each!([0, 1], |c| V::load(&u[c], s));
-            let mut start_triangles = [NONE; LANES];
-            start_triangles.copy_from_slice(&triangle[s..s + LANES]);
-            if start == Start::Nearest {
-                let (x, y) = (displacement[0].to_array(), displacement[1].to_array());
-                for k in 0..LANES {
-                    let nearest = surface.nearest(b, nodes.column(k), nodes.j, [x[k], y[k]]);
-                    start_triangles[k] = nearest.unwrap_or(rest_triangles[s + k]);
-                }
-            }
+            let start_triangles = match start {
+                Start::Nearest => surface.nearest_row(&nodes, &displacement, &rest_triangles[s..s + LANES]),
+                _ => V::index_to_array(V::load_index(triangle, s)),
+            };
             let mut samples = Samples {
                 value: [V::zero(); 3],
                 tangents: [V::zero(); 6],
