@@ -117,9 +117,9 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
                 // The identity has no energy but that of distortion.
                 let mut model =
                     if is_identity { Model::zero() } else { patch.elastic_model(row, &p.u, &d, weights) };
-                if patch.has_stiff_edges::<V>(row) {
+                if patch.stiff[row.index()] {
                     each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
-                        model.share += patch.part::<V>(row, k) * patch.edge_energy::<V, S>(row, &p, &d, k);
+                        model.energy += patch.part::<V>(row, k) * patch.edge_energy::<V, S>(row, &p, &d, k);
                     });
                 }
                 let least = if is_identity { V::one() } else { least_jacobian(&d) };
@@ -127,7 +127,7 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
                 if least.lt(V::splat(weights.room_threshold)).any() {
                     patch.add_room(row, &d, weights, &mut model);
                 }
-                total.add(movable, model.share, least);
+                total.add(movable, model.energy, least);
             }
         }
         if allow_folds { total.sum() } else { total.energy() }
@@ -147,12 +147,12 @@ impl<V: Lanes> Total<V> {
         Total { sum: V::zero(), least_jacobian: V::one() }
     }
 
-    /// Adds a row: its movable nodes, their shares of the energy, and the least Jacobian of their corners.
+    /// Adds a row: its movable nodes, their parts of the energy, and the least Jacobian of their corners.
     #[inline(always)]
-    pub fn add(&mut self, movable: V::Mask, share: V, least: V) {
+    pub fn add(&mut self, movable: V::Mask, part: V, least: V) {
         self.least_jacobian = least.min(self.least_jacobian);
         // Lanes of fixed nodes may hold anything, even NaN.
-        self.sum += movable.select(share, V::zero());
+        self.sum += movable.select(part, V::zero());
     }
 
     /// The sum, regardless of the corner Jacobians.

@@ -13,7 +13,7 @@ use super::buffers::State;
 use super::decode::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};
 use super::prefetch::prefetch_next;
-use super::row::Row;
+use super::row::{ROWS, Row};
 use super::sampling::{Samples, Surface};
 
 /// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
@@ -90,6 +90,8 @@ pub struct Patch {
     pub rigidity: Window,
     /// True if a rigidity is above 0. Otherwise lengths and tangents are not loaded.
     pub is_stiff: bool,
+    /// Per row, whether an edge at one of its nodes has a weight above 0.
+    pub stiff: [bool; ROWS],
     /// Rest lengths l of the owned edges.
     pub length: [Window; 4],
     /// 1 / max(l, floor).
@@ -176,7 +178,11 @@ impl Patch {
         }
         self.has_density = !level.density.is_empty();
         self.load_held(level, b);
+        self.stiff = [false; ROWS];
         if self.is_stiff {
+            for row in Row::all() {
+                self.stiff[row.index()] = self.has_stiff_edges::<V>(row);
+            }
             for e in 0..4 {
                 decode::rest_length::<V>(level, b, e, &mut self.length[e]);
                 for at in window_vectors() {
@@ -223,13 +229,12 @@ impl Patch {
         }
     }
 
-    /// Gathers the tangents at W(p) for the movable nodes of a block of the finest level.
+    /// Gathers the tangents at W(p) for the movable nodes of a block of the finest level with stiff edges.
     #[inline(always)]
     fn load_tangents<V: Lanes, S: Surface>(&mut self, surface: S) {
         for row in Row::all() {
             let at = row.at(0, 0);
-            let lanes = self.movable_lanes::<V>(row);
-            if !lanes.any() {
+            if !self.stiff[row.index()] || !self.movable_lanes::<V>(row).any() {
                 continue;
             }
             let mut triangle = [NONE; LANES];

@@ -12,7 +12,7 @@ use vrtm_core::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_NODE_STEP, SWEPT_M
 use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::patch::{NodeState, Patch, Source};
-use super::row::{Offsets, ROWS, Row};
+use super::row::{Offsets, Row};
 use super::run::{Run, SurfaceFn};
 use super::sampling::{GridRow, Surface};
 use super::terms::{CORNERS, Model, cross, least_jacobian};
@@ -70,15 +70,11 @@ impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
         let RelaxBlock { patch, source, sweeps, fraction } = self;
         // SAFETY: no other item accesses the block, or writes to its neighbour blocks.
         unsafe { patch.load::<V, S>(&source, true) };
-        let mut is_stiff = [false; ROWS];
-        for (row, stiff) in Row::all().zip(&mut is_stiff) {
-            *stiff = patch.has_stiff_edges::<V>(row);
-        }
         for _ in 0..sweeps {
-            for (row, stiff) in Row::all().zip(is_stiff) {
+            for row in Row::all() {
                 // Opaque: addresses of windows that are hoisted out of the loop would each be spilled.
                 let (patch, row) = black_box((&mut *patch, row));
-                step::<V, S>(patch, &source, row, stiff, fraction);
+                step::<V, S>(patch, &source, row, fraction);
             }
         }
         // SAFETY: no other item accesses the block.
@@ -115,13 +111,13 @@ unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
 
 /// Relaxes the nodes of one row. Their steps are multiplied by `fraction`.
 #[inline(always)]
-fn step<V: Lanes, S: Surface>(patch: &mut Patch, source: &Source<S>, row: Row, stiff: bool, fraction: f32) {
+fn step<V: Lanes, S: Surface>(patch: &mut Patch, source: &Source<S>, row: Row, fraction: f32) {
     let &Source { level, surface, weights, b, .. } = source;
     let mut lanes = patch.movable_lanes::<V>(row);
     if !lanes.any() {
         return;
     }
-    let here = patch.node_state::<V>(row);
+    let (here, stiff) = (patch.node_state::<V>(row), patch.stiff[row.index()]);
     let d = row.offsets(&patch.u, &here.u);
     let mut model = patch.elastic_model(row, &here.u, &d, weights);
     if stiff {
@@ -134,7 +130,8 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, source: &Source<S>, row: Row, s
     if least_jacobian(&d).lt(V::splat(weights.room_threshold)).any() {
         patch.add_room(row, &d, weights, &mut model);
     }
-    let delta = each!([0, 1], |c| newton_step(&model, &d)[c] * fraction);
+    let delta = newton_step(&model, &d);
+    let delta = each!([0, 1], |c| delta[c] * fraction);
     // Steps that nobody sees are not worth a sample of the surface. A comparison with NaN is false: no step.
     let square = delta[0] * delta[0] + delta[1] * delta[1];
     lanes = lanes.and(V::splat(MIN_NODE_STEP * MIN_NODE_STEP).lt(square));

@@ -21,7 +21,7 @@ pub struct Row {
     places: [usize; 9],
 }
 
-/// Rows of nodes of one node colour in a block.
+/// Rows of a block.
 pub const ROWS: usize = 2 * SIDE;
 
 impl Row {
@@ -59,6 +59,12 @@ impl Row {
     #[inline(always)]
     pub fn at(self, di: i64, dj: i64) -> usize {
         self.places[((dj + 1) * 3 + di + 1) as usize]
+    }
+
+    /// The number of the row in a block.
+    #[inline(always)]
+    pub fn index(self) -> usize {
+        self.slot() / LANES
     }
 
     /// Index in a plane of the first lane's node. The nodes of the other lanes follow.

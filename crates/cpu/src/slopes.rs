@@ -50,7 +50,7 @@ impl Patch {
     pub unsafe fn window_slopes<V: Lanes, S: Surface>(&self, source: &Source<S>, slopes: &mut [Window; 6]) {
         for row in Row::all() {
             let (this, slopes, row) = black_box((self, &mut *slopes, row));
-            if this.movable_lanes::<V>(row).any() && this.has_stiff_edges::<V>(row) {
+            if this.movable_lanes::<V>(row).any() && this.stiff[row.index()] {
                 let x = this.slopes::<V, S>(row, &this.node_state(row));
                 each!([0, 1, 2, 3, 4, 5], |c| row.store_in_window(&mut slopes[c], x[c]));
             }

@@ -18,10 +18,8 @@ pub const CORNERS: [(usize, usize); 12] =
 /// The energy E at each node of a row as a function of its step: E + 2 γ·δ + δᵀHδ.
 #[derive(Clone, Copy)]
 pub struct Model<V> {
-    /// E: the sum over the node's edges and corners, and of the hold.
+    /// The node's part of E: the energy of each edge and corner is divided evenly among its movable nodes.
     pub energy: V,
-    /// The same sum, with the energy of each edge and corner divided evenly among its movable nodes.
-    pub share: V,
     /// γ.
     pub gradient: [V; 2],
     /// The entries (xx, xy, yy) of H.
@@ -32,14 +30,13 @@ impl<V: Lanes> Model<V> {
     #[inline(always)]
     pub fn zero() -> Model<V> {
         let zero = V::zero();
-        Model { energy: zero, share: zero, gradient: [zero; 2], matrix: [zero; 3] }
+        Model { energy: zero, gradient: [zero; 2], matrix: [zero; 3] }
     }
 
     /// Adds an energy; `part` is the node's part of it.
     #[inline(always)]
     fn add_energy(&mut self, energy: V, part: V) {
-        self.energy += energy;
-        self.share += part * energy;
+        self.energy += part * energy;
     }
 
     /// Adds the distortion of an edge, of whose energy `part` is the node's.
@@ -182,9 +179,6 @@ impl Patch {
     /// True if an edge at one of a row's nodes has a weight above 0.
     #[inline(always)]
     pub fn has_stiff_edges<V: Lanes>(&self, row: Row) -> bool {
-        if !self.is_stiff {
-            return false;
-        }
         let most = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| self.weight::<V>(row, k));
         let most = each!([0, 1, 2, 3], |k| most[k].max(most[k + 4]));
         V::zero().lt(most[0].max(most[1]).max(most[2].max(most[3]))).any()

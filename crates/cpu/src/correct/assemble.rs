@@ -110,7 +110,7 @@ fn block_row<V: Lanes, S: Surface>(
     let d = row.offsets(&patch.u, &p.u);
     let least = least_jacobian(&d);
     let mut model = patch.elastic_model(row, &p.u, &d, weights);
-    let stiff = patch.has_stiff_edges::<V>(row);
+    let stiff = patch.stiff[row.index()];
     let own = each!([0, 1, 2, 3, 4, 5], |c| row.near::<V>(&slopes[c], 0, 0));
     // Most corners are above the thresholds of both the room term and the near-bound penalty.
     let crowded = least.lt(V::splat(weights.room_threshold.max(NEAR_BOUND_JACOBIAN))).any();
@@ -159,7 +159,7 @@ fn block_row<V: Lanes, S: Surface>(
         }
     });
     sums[1] = sums[1] * 0.5;
-    total.add(movable, model.share, least);
+    total.add(movable, model.energy, least);
     for c in 0..2 {
         row.store(&mut out.right_hand_side[c], movable.select(-model.gradient[c], V::zero()));
     }

@@ -130,31 +130,30 @@ impl Chords<'_> {
         })
     }
 
-    /// The rest triangles of the nodes nearest to a row's nodes displaced by u, or those `at_rest` of the nodes
-    /// themselves where there is none in the chart.
+    /// The rest triangles of the nodes nearest to a row's nodes displaced by u, or those of the nodes themselves where
+    /// there is none in the chart. The nodes have the slots from `s` on.
     #[inline(always)]
-    pub fn nearest_row<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], at_rest: &[u32]) -> [u32; LANES] {
+    pub fn nearest_row<V: Lanes>(&self, nodes: &GridRow, s: usize, u: &[V; 2]) -> [u32; LANES] {
         let block = nodes.block;
+        let (at_rest, chart) = (&self.grid.triangle[block], self.grid.levels[0].blocks.list[block].chart);
         let (slots, inside) = BlockPlace::new(nodes, each!([0, 1], |c| (u[c] + 0.5).floor())).slots(SIDE);
         let [x, y] = each!([0, 1], |c| u[c].to_array());
         let mut triangles = [NONE; LANES];
         for (k, triangle) in triangles.iter_mut().enumerate() {
             let near = if inside >> k & 1 != 0 {
-                self.of_chart(self.grid.triangle[block][usize::from(slots[k])], block)
+                self.of_chart(at_rest[usize::from(slots[k])], chart)
             } else {
                 self.nearest(block, nodes.column(k), nodes.j, [x[k], y[k]])
             };
-            *triangle = near.unwrap_or(at_rest[k]);
+            *triangle = near.unwrap_or(at_rest[s + k]);
         }
         triangles
     }
 
-    /// A triangle if it lies in the chart of block `b`.
+    /// A triangle if it lies in this chart.
     #[inline(always)]
-    fn of_chart(&self, triangle: u32, b: usize) -> Option<u32> {
-        let grid = self.grid;
-        let is_usable =
-            triangle != NONE && grid.chart_of[triangle as usize] == grid.levels[0].blocks.list[b].chart;
+    fn of_chart(&self, triangle: u32, chart: u32) -> Option<u32> {
+        let is_usable = triangle != NONE && self.grid.chart_of[triangle as usize] == chart;
         is_usable.then_some(triangle)
     }
 
@@ -166,7 +165,7 @@ impl Chords<'_> {
             NONE => NONE,
             near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
         };
-        self.of_chart(triangle, b)
+        self.of_chart(triangle, blocks.list[b].chart)
     }
 
     /// Walks from triangle `t` to the one under node (i, j) + u. `None` if the walk ends at a border or after

@@ -98,7 +98,7 @@ impl Vectorised for ResampleChords<'_> {
             }
             let displacement = each!([0, 1], |c| V::load(&u[c], s));
             let start_triangles = match start {
-                Start::Nearest => surface.nearest_row(&nodes, &displacement, &rest_triangles[s..s + LANES]),
+                Start::Nearest => surface.nearest_row(&nodes, s, &displacement),
                 _ => V::index_to_array(V::load_index(triangle, s)),
             };
             let mut samples = Samples {
