@@ -25,7 +25,7 @@ impl Canvas {
     /// Writes the first channels of a texel; row 0 is at v = 0.
     #[inline(always)]
     pub fn put<const N: usize>(&self, x: usize, y: usize, values: [f64; N]) {
-        self.put_from(0, x, y, values);
+        self.put_from(0, [(x, y, values)]);
     }
 
     /// Writes a row from the bytes of its first two channels, in the image's format and without gaps; a third channel
@@ -50,33 +50,41 @@ impl Canvas {
         }
     }
 
-    /// Writes the channels of a texel from number `first` on, as many as the image has.
+    /// Writes the channels of texels from number `first` on, as many as the image has. Each texel is given as column,
+    /// row and values.
     #[inline(always)]
-    pub fn put_from<const N: usize>(&self, first: usize, x: usize, y: usize, values: [f64; N]) {
-        let TexelLayout { width, height, channels, format, .. } = self.layout;
-        assert!(x < width as usize && y < height as usize);
-        let at = self.layout.offset(x, y);
-        let count = (channels as usize).saturating_sub(first).min(N);
-        // SAFETY: `ImageViewMut` checked that every channel of every texel of the layout lies in its bytes. Two threads
-        // never write one texel: a warp without folds covers each texel once, and one with folds is written by one
-        // thread (`Outputs::invert`).
-        unsafe {
-            let to = self.pixels.load(Ordering::Relaxed).add(at);
-            match format {
-                PixelFormat::F16 => {
-                    let to = to.cast::<f16>().add(first);
-                    (0..count).for_each(|k| to.add(k).write_unaligned(half(values[k])));
-                }
-                _ => {
-                    let to = to.cast::<f32>().add(first);
-                    (0..count).for_each(|k| to.add(k).write_unaligned(values[k] as f32));
+    pub fn put_from<const N: usize>(
+        &self,
+        first: usize,
+        texels: impl IntoIterator<Item = (usize, usize, [f64; N])>,
+    ) {
+        // Values of this function, so that the loop need not read them again after each write.
+        let (layout, pixels) = (self.layout, self.pixels.load(Ordering::Relaxed));
+        let count = (layout.channels as usize).saturating_sub(first).min(N);
+        for (x, y, values) in texels {
+            assert!(x < layout.width as usize && y < layout.height as usize);
+            // SAFETY: `ImageViewMut` checked that every channel of every texel of the layout lies in its bytes. Two
+            // threads never write one texel: a warp without folds covers each texel once, and one with folds is written
+            // by one thread (`Outputs::invert`).
+            unsafe {
+                let to = pixels.add(layout.offset(x, y));
+                match layout.format {
+                    PixelFormat::F16 => {
+                        let to = to.cast::<f16>().add(first);
+                        (0..count).for_each(|k| to.add(k).write_unaligned(half(values[k])));
+                    }
+                    _ => {
+                        let to = to.cast::<f32>().add(first);
+                        (0..count).for_each(|k| to.add(k).write_unaligned(values[k] as f32));
+                    }
                 }
             }
         }
     }
 }
 
-/// The nearest finite 16-bit float.
+/// The nearest finite 16-bit float. A call, so that writing f32 is small enough to be inlined.
+#[inline(never)]
 fn half(value: f64) -> f16 {
     f16::from_f32(value as f32).clamp(f16::MIN, f16::MAX)
 }

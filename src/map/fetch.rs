@@ -95,34 +95,35 @@ impl<'a> Output<'a> {
         let is_redirection = matches!(content, Content::Inverse { .. } | Content::OtherSet { .. });
         let gutter = solved.gutter.as_ref().filter(|_| is_redirection);
         let room = gutter.map(|gutter| Room { gutter, limited: &limited });
-        let area = Area { part: &part, owners: owners.as_ref(), room };
         let canvas = Canvas::new(image);
+        let area = Area { part: &part, canvas: &canvas, owners: owners.as_ref(), room };
         match content {
             Content::Inverse { form, centres, coverage } => {
-                if !outputs.redirect(device, team, solved, &area, form, &canvas)? {
-                    outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
+                if !outputs.redirect(device, team, solved, &area, form)? {
+                    outputs.invert(device, team, solved, &area, &centres, |_, _, uv, delta| {
                         let [u, v] = form.value(uv, delta);
-                        canvas.put(x, y, [u, v, 0.0]);
+                        [u, v, 0.0]
                     })?;
                 }
                 if let Some(mut coverage) = coverage {
                     coverage.draw(team, &solved.mesh.triangles, |t| t.uv, |_, _, _, covered| *covered = true);
                     team.run(part.extent()[1], |y| {
                         let row = coverage.row(y).iter().enumerate();
-                        row.for_each(|(x, &covered)| canvas.put_from(ALPHA, x, y, [f64::from(covered)]));
+                        canvas.put_from(ALPHA, row.map(|(x, &covered)| (x, y, [f64::from(covered)])));
                     });
                 }
             }
             Content::Jacobian { is_scale } => {
-                inverse::jacobians(team, solved, &area, |x, y, [[a, b], [c, d]]| match is_scale {
-                    true => canvas.put(x, y, [largest_stretch([[a, b], [c, d]])]),
-                    false => canvas.put(x, y, [a, b, c, d]),
-                })?;
+                if is_scale {
+                    inverse::jacobians(team, solved, &area, |j| [largest_stretch(j)])?;
+                } else {
+                    inverse::jacobians(team, solved, &area, |[[a, b], [c, d]]| [a, b, c, d])?;
+                }
             }
             Content::OtherSet { centres, set } => {
                 let set = set.draw(team);
                 outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
-                    set.put(&canvas, x, y, uv, delta);
+                    set.texel(x, y, uv, delta)
                 })?;
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),

@@ -8,7 +8,7 @@ use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
 use vrtm_core::image::format::PixelFormat;
 use vrtm_core::team::Team;
-use vrtm_cpu::invert::{self, Inverse};
+use vrtm_cpu::invert::{self, Found, Texel};
 
 use super::Form;
 use super::canvas::Canvas;
@@ -44,10 +44,11 @@ impl Centres {
     }
 }
 
-/// The part of an image that is inverted; where the charts of the result go on beyond their borders, the charts of its
-/// texels; and the room for that, if redirections are to stay where there is some.
+/// The part of an image that is inverted, and where its texels are written; where the charts of the result go on beyond
+/// their borders, the charts of the texels; and the room for that, if redirections are to stay where there is some.
 pub(crate) struct Area<'a> {
     pub part: &'a ImagePart,
+    pub canvas: &'a Canvas,
     pub owners: Option<&'a Owners>,
     pub room: Option<Room<'a>>,
 }
@@ -59,21 +60,37 @@ pub(crate) struct Room<'a> {
     pub limited: &'a LimitedTexels,
 }
 
+impl Area<'_> {
+    /// The redirection from `at` to `uv` where there is room for it. Not inlined, since few texels need it.
+    #[inline(never)]
+    fn limited(&self, room: &Room, chart: u32, [x, y]: [usize; 2], at: [f64; 2], uv: [f64; 2]) -> [f64; 2] {
+        let Some(limited) = room.gutter.limit(chart, at, uv) else { return uv };
+        if self.owners.is_some_and(|owners| owners.is_inside(x, y)) {
+            let by = [0, 1].map(|k| (limited[k] - uv[k]) * self.part.size[k] as f64);
+            // Not `hypot`, for which a system's library would have to be newer.
+            let by = (by[0] * by[0] + by[1] * by[1]).sqrt() as f32;
+            if by > LEAST {
+                room.limited.count(by);
+            }
+        }
+        limited
+    }
+}
+
 /// Outputs larger than this many bytes are freed after each fetch.
 const KEPT: u64 = 1 << 28;
 
 impl Outputs {
-    /// Calls `put(x, y, uv, delta)` for all texels of a part of an image, with their places in the part, rows from v =
-    /// 0 upward: `uv` is W⁻¹ at the texel centre, and `delta` is `uv` minus the centre. A texel may come twice, and its
-    /// last call counts, but never on two threads at once.
-    pub fn invert(
+    /// Writes `value(x, y, uv, delta)` to all texels of a part of an image, by their places in the part, rows from v =
+    /// 0 upward: `uv` is W⁻¹ at the texel centre, and `delta` is `uv` minus the centre.
+    pub fn invert<const N: usize>(
         &mut self,
         device: &Device,
         team: &Team,
         solved: &Solved,
         area: &Area,
         centres: &Centres,
-        put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
+        value: impl Fn(usize, usize, [f64; 2], [f64; 2]) -> [f64; N] + Sync,
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
         let cells = [level.nx as f64, level.ny as f64];
@@ -82,38 +99,28 @@ impl Outputs {
         let on_gpu = self.on_gpu(device, solved, area, PixelFormat::F32, |output, u| {
             output.invert(u, size, &mut |first, texels| {
                 team.run(texels.len() / size[0], |row| {
-                    let y = first + row;
-                    for (x, d) in texels[row * size[0]..][..size[0]].iter().enumerate() {
-                        let delta = [0, 1].map(|k| f64::from(d[k]) / cells[k]);
-                        let at = centre(x, y);
-                        put(x, y, [0, 1].map(|k| at[k] + delta[k]), delta);
-                    }
+                    let (y, texels) = (first + row, texels[row * size[0]..][..size[0]].iter().enumerate());
+                    let values = texels.map(|(x, d)| {
+                        let (at, delta) = (centre(x, y), [0, 1].map(|k| f64::from(d[k]) / cells[k]));
+                        (x, y, value(x, y, [0, 1].map(|k| at[k] + delta[k]), delta))
+                    });
+                    area.canvas.put_from(0, values);
                 });
             })
         });
         if on_gpu? {
             return Ok(());
         }
-        let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
-        visit(team, solved, area, still, |x, y, inverse| {
-            let at = centre(x, y);
-            let [px, py] = inverse.point();
+        let still = |x: usize, y: usize| value(x, y, centre(x, y), [0.0; 2]);
+        visit(team, solved, area, still, |x, y, found, texel| {
+            let (at, [px, py]) = (centre(x, y), texel.point);
             let mut uv = [px / cells[0], py / cells[1]];
-            if let Some(room) = area.room
-                && inverse.is_beyond()
-                && let Some(limited) = room.gutter.limit(inverse.chart, at, uv)
+            if let Some(room) = &area.room
+                && found.is_beyond(texel)
             {
-                if area.owners.is_some_and(|owners| owners.is_inside(x, y)) {
-                    let by = [0, 1].map(|k| (limited[k] - uv[k]) * size[k] as f64);
-                    // Not `hypot`, for which a system's library would have to be newer.
-                    let by = (by[0] * by[0] + by[1] * by[1]).sqrt() as f32;
-                    if by > LEAST {
-                        room.limited.count(by);
-                    }
-                }
-                uv = limited;
+                uv = area.limited(room, found.chart, [x, y], at, uv);
             }
-            put(x, y, uv, [uv[0] - at[0], uv[1] - at[1]]);
+            value(x, y, uv, [uv[0] - at[0], uv[1] - at[1]])
         })
     }
 
@@ -126,9 +133,8 @@ impl Outputs {
         solved: &Solved,
         area: &Area,
         form: Form,
-        canvas: &Canvas,
     ) -> Result<bool> {
-        let (size, format) = (area.part.size, canvas.format());
+        let (canvas, size, format) = (area.canvas, area.part.size, area.canvas.format());
         let row_bytes = size[0] * 2 * format.size();
         self.on_gpu(device, solved, area, format, |output, u| {
             output.redirect(u, size, form.origin(), format, &mut |first, bytes| {
@@ -183,53 +189,45 @@ impl Outputs {
     }
 }
 
-/// Calls `put(x, y, jacobian)` for all texels of a part of an image, as `Outputs::invert` does: the derivatives of W⁻¹
+/// Writes `value(jacobian)` to all texels of a part of an image, as `Outputs::invert` does: of the derivatives of W⁻¹
 /// by the UV, one row per component.
-pub(crate) fn jacobians(
+pub(crate) fn jacobians<const N: usize>(
     team: &Team,
     solved: &Solved,
     area: &Area,
-    put: impl Fn(usize, usize, [[f64; 2]; 2]) + Sync,
+    value: impl Fn([[f64; 2]; 2]) -> [f64; N] + Sync,
 ) -> Result<()> {
     let level = &solved.grid.levels[0];
     // Converts cells per texel to UV per UV.
     let of = |axis: usize| area.part.size[axis] as f64;
     let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
-    let still = |x: usize, y: usize| put(x, y, [[1.0, 0.0], [0.0, 1.0]]);
-    visit(team, solved, area, still, |x, y, inverse| {
-        let [[a, b], [c, d]] = inverse.jacobian();
-        put(x, y, [[a * scale[0][0], b * scale[0][1]], [c * scale[1][0], d * scale[1][1]]]);
+    let still = |_, _| value([[1.0, 0.0], [0.0, 1.0]]);
+    visit(team, solved, area, still, |_, _, found, texel| {
+        let [[a, b], [c, d]] = found.jacobian(texel);
+        value([[a * scale[0][0], b * scale[0][1]], [c * scale[1][0], d * scale[1][1]]])
     })
 }
 
-/// Calls `still(x, y)` for all texels of a part of an image, with their places in the part, and then `moved` for the
-/// texels in moved cells. Never calls for one texel on two threads at once.
-fn visit(
+/// Writes `still(x, y)` to all texels of a part of an image, by their places in the part, and then `moved` to the
+/// texels in moved cells. Never writes one texel on two threads at once.
+fn visit<const N: usize>(
     team: &Team,
     solved: &Solved,
     area: &Area,
-    still: impl Fn(usize, usize) + Sync,
-    moved: impl Fn(usize, usize, Inverse) + Sync,
+    still: impl Fn(usize, usize) -> [f64; N] + Sync,
+    moved: impl Fn(usize, usize, &Found, &Texel) -> [f64; N] + Sync,
 ) -> Result<()> {
     let u = solved.warp.host()?;
-    let Area { part, owners, .. } = *area;
-    let (first, extent) = (part.first, part.extent());
-    team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
-    let reach = solved.report.max_displacement;
-    let visit = |team: &Team| {
-        let own = solved.extended.as_ref().map(|tile| tile.own() as u32);
-        invert::texels(team, &solved.grid, own, u, part, reach, |x, y, inverse| {
-            let (x, y) = (x - first[0], y - first[1]);
-            if owners.is_none_or(|owners| owners.chart(x, y) == inverse.chart) {
-                moved(x, y, inverse);
-            }
-        });
-    };
-    // Where a warp folds, several cells cover the same texel: on one thread, the last cell always wins.
-    if solved.report.folds > 0 {
-        Team::with(1, visit)
-    } else {
-        visit(team)
-    }
+    let Area { part, canvas, owners, .. } = *area;
+    let [width, height] = part.extent();
+    team.run(height, |y| canvas.put_from(0, (0..width).map(|x| (x, y, still(x, y)))));
+    let own = solved.extended.as_ref().map(|tile| tile.own() as u32);
+    // Where a warp folds, several cells cover the same texel: the last cell always wins.
+    invert::texels(team, &solved.grid, own, u, part, &solved.report, &|found| {
+        let texels = found.texels.iter().map(|texel| (texel.at.map(|x| x as usize), texel));
+        let own =
+            texels.filter(|([x, y], _)| owners.is_none_or(|owners| owners.chart(*x, *y) == found.chart));
+        canvas.put_from(0, own.map(|([x, y], texel)| (x, y, moved(x, y, found, texel))));
+    });
     Ok(())
 }

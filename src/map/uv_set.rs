@@ -3,7 +3,6 @@
 
 use glam::DVec2;
 
-use super::canvas::Canvas;
 use crate::solved::Solved;
 use vrtm_beyond::bands::Bands;
 use vrtm_core::allocation::{Vec, vec};
@@ -101,13 +100,13 @@ pub(crate) struct Drawn<'a> {
 }
 
 impl Drawn<'_> {
-    /// Writes a texel whose redirected UV within the tile is `uv`, `delta` away from its centre: 0 beside all charts,
-    /// and as the fourth channel whether a chart covers the centre.
-    pub fn put(&self, canvas: &Canvas, x: usize, y: usize, uv: [f64; 2], delta: [f64; 2]) {
+    /// The channels of a texel whose redirected UV within the tile is `uv`, `delta` away from its centre: 0 beside all
+    /// charts, and as the fourth channel whether a chart covers the centre.
+    pub fn texel(&self, x: usize, y: usize, uv: [f64; 2], delta: [f64; 2]) -> [f64; 4] {
         let home = self.locator.under(x, y);
         let value = if home == NONE { DVec2::ZERO } else { self.value(home, uv.into(), delta.into()) };
         let covered = f64::from(u8::from(self.covered[y * self.width + x]));
-        canvas.put(x, y, [value.x, value.y, 0.0, covered]);
+        [value.x, value.y, 0.0, covered]
     }
 
     fn value(&self, home: u32, uv: DVec2, delta: DVec2) -> DVec2 {

@@ -1,34 +1,61 @@
+use std::cell::RefCell;
+
 use glam::DVec2;
 
-use super::batch::{BATCH, Batch};
+use super::cells::{Cells, FOUND, Spans, Texel};
+use crate::lanes::{LANES, Lanes, Vectorised, dispatch, forced};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::fill::Fill;
 
-const REST: [f64; 2] = [3.0, 5.0];
 /// Texels on a side.
 const TEXELS: usize = 8;
 
-/// A texel and W⁻¹ at its centre.
-type Found = ([usize; 2], [f64; 2]);
+type Corners = [[f64; 2]; 4];
 
-/// W⁻¹ at the texel centres that a warped cell covers.
-fn covered(corners: [[f64; 2]; 4]) -> Vec<Found> {
-    let mut found = Vec::new();
-    let mut batch = Batch::new();
-    for n in 0..TEXELS * TEXELS {
-        batch.push([n % TEXELS, n / TEXELS], REST, &corners, false);
-        if batch.len == BATCH {
-            batch.flush(0, |x, y, inverse| found.push(([x, y], inverse.point())));
+/// A texel and W⁻¹ at its centre.
+type Found = ([u32; 2], [f64; 2]);
+
+/// The first node of cell `n`.
+fn rest(n: usize) -> [f64; 2] {
+    [(3 * n) as f64, 5.0]
+}
+
+/// W⁻¹ at the texel centres that each of eight warped cells covers.
+struct Covered([Corners; LANES]);
+
+impl Vectorised for Covered {
+    type Output = [Vec<Found>; LANES];
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> [Vec<Found>; LANES] {
+        let mut cells = Cells::default();
+        for n in 0..LANES {
+            for c in 0..2 {
+                cells.node[c][n] = rest(n)[c];
+                (0..4).for_each(|k| cells.corners[k][c][n] = self.0[n][k][c]);
+            }
         }
+        cells.complete();
+        let last = TEXELS as f32 - 1.0;
+        let part = [[0.0, last.into()]; 2];
+        let spans =
+            Spans { origin: [1.0, -2.0], part, first: [[-1.0; LANES]; 2], last: [[last + 3.0; LANES]; 2] };
+        let found = RefCell::new(std::array::from_fn(|_| Vec::new()));
+        cells.locate(0, u8::MAX, &spans, &mut [Texel::default(); FOUND], &|of| {
+            for texel in of.texels {
+                found.borrow_mut()[texel.point[0] as usize / 3].push((texel.at, texel.point));
+            }
+        });
+        found.into_inner()
     }
-    found
 }
 
 /// The same, one triangle after the other by the rule that also covers the grid; of two layers the last one counts.
-fn covered_by_triangles(corners: [[f64; 2]; 4]) -> Vec<Found> {
+fn covered_by_triangles(n: usize, corners: Corners) -> Vec<Found> {
     let mut found: Vec<Found> = Vec::new();
     let corners = corners.map(DVec2::from);
-    let rest = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|at| DVec2::from(REST) + DVec2::from(at));
+    let rest =
+        [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|at| DVec2::from(rest(n)) + DVec2::from(at));
     for triangle in [[0, 1, 2], [0, 2, 3]] {
         let ([a, b, c], rest) = (triangle.map(|k| corners[k]), triangle.map(|k| rest[k]));
         let (e1, e2) = (b - a, c - a);
@@ -41,8 +68,9 @@ fn covered_by_triangles(corners: [[f64; 2]; 4]) -> Vec<Found> {
             let l1 = (d.perp_dot(e2) * inverse).clamp(0.0, 1.0);
             let l2 = (e1.perp_dot(d) * inverse).clamp(0.0, 1.0 - l1);
             if inside {
-                found.retain(|other| other.0 != [x, y]);
-                found.push(([x, y], (rest[0] + l1 * (rest[1] - rest[0]) + l2 * (rest[2] - rest[0])).into()));
+                let texel = [x as u32, y as u32];
+                found.retain(|other| other.0 != texel);
+                found.push((texel, (rest[0] + l1 * (rest[1] - rest[0]) + l2 * (rest[2] - rest[0])).into()));
             }
         });
     }
@@ -61,21 +89,34 @@ fn random(seed: &mut u64) -> f64 {
 fn a_cell_covers_what_its_triangles_cover() {
     let mut seed = 1;
     let (mut texels, mut folded) = (0, 0);
-    for k in 0..20_000 {
-        // Corners on and off texel centres, of cells that may be folded.
-        let size = [0.6, 2.0, 5.0][k % 3];
-        let base = [0, 1].map(|_| 7.0 * random(&mut seed) - 1.0);
-        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|at| {
-            let p = [0, 1].map(|c| base[c] + size * (at[c] + 1.4 * (random(&mut seed) - 0.5)));
-            if k % 5 == 0 { p.map(f64::round) } else { p }
+    for k in 0..2500 {
+        let cells = [0, 1, 2, 3, 4, 5, 6, 7].map(|n| {
+            // Corners on and off texel centres, of cells that may be folded.
+            let size = [0.6, 2.0, 5.0][(k + n) % 3];
+            let base = [0, 1].map(|_| 7.0 * random(&mut seed) - 1.0);
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|at| {
+                let p = [0, 1].map(|c| base[c] + size * (at[c] + 1.4 * (random(&mut seed) - 0.5)));
+                if (k + n) % 5 == 0 { p.map(f64::round) } else { p }
+            })
         });
-        let found = covered(corners);
-        assert_eq!(found, covered_by_triangles(corners), "{corners:?}");
-        let [a, b, c, d] = corners.map(DVec2::from);
-        folded += usize::from((b - a).perp_dot(c - a) < 0.0 || (c - a).perp_dot(d - a) < 0.0);
-        texels += found.len();
+        let level = forced::LEVELS[k % forced::LEVELS.len()];
+        let found = forced::at_most(level, || dispatch(Covered(cells)));
+        for (n, (found, corners)) in found.into_iter().zip(cells).enumerate() {
+            assert_eq!(found, covered_by_triangles(n, corners), "{level:?} {corners:?}");
+            let [a, b, c, d] = corners.map(DVec2::from);
+            folded += usize::from((b - a).perp_dot(c - a) < 0.0 || (c - a).perp_dot(d - a) < 0.0);
+            texels += found.len();
+        }
     }
     assert!(texels > 50_000 && folded > 1_000, "{texels} {folded}");
+}
+
+/// The texels of one cell.
+fn covered(corners: Corners) -> Vec<Found> {
+    let mut cells = [[[-9.0; 2]; 4]; LANES];
+    cells[1] = corners;
+    let [_, found, ..] = dispatch(Covered(cells));
+    found
 }
 
 #[test]
