@@ -5,7 +5,7 @@ use vrtm_core::grid::planes::Plane;
 use vrtm_core::team::SharedSlice;
 
 use super::allocate::Allocator;
-use super::prefetch::prefetch_next;
+use super::prefetch::prefetch;
 
 /// The state of one level, and its pose metrics.
 #[derive(Debug, Default)]
@@ -50,13 +50,13 @@ impl Buffers {
 impl State {
     /// Prefetches the state of the next block.
     #[inline(always)]
-    pub fn prefetch_next(self, b: usize) {
+    pub fn prefetch(self, b: usize) {
         // By address: another item may be writing the block.
-        prefetch_next(self.u.address(b));
-        prefetch_next(self.value.address(b));
+        prefetch(self.u.address(b));
+        prefetch(self.value.address(b));
         // Coarser levels have no triangles.
         if !self.triangle.is_empty() {
-            prefetch_next(self.triangle.address(b));
+            prefetch(self.triangle.address(b));
         }
     }
 }

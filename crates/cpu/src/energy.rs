@@ -71,7 +71,7 @@ impl Energies {
 impl SurfaceFn<Vec<f64>> for Energies {
     fn call<S: Surface>(self, run: &Run, state: State, surface: S) -> Vec<f64> {
         let Energies { level, ref weights, allow_folds, is_identity } = self;
-        let next = |b| Patch::prefetch_next(&run.grid.levels[level], state, b);
+        let next = |b| Patch::prefetch(&run.grid.levels[level], state, b);
         run.sum_blocks(level, next, |worker, b| {
             let source = Source { weights, ..run.source(level, state, surface, b) };
             run.patches

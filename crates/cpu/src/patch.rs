@@ -12,7 +12,7 @@ use vrtm_core::method::plan::Input;
 use super::buffers::State;
 use super::decode::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};
-use super::prefetch::prefetch_next;
+use super::prefetch::prefetch;
 use super::row::{ROWS, Row};
 use super::sampling::{Samples, Surface};
 
@@ -132,11 +132,11 @@ impl Patch {
 
     /// Prefetches what `load` reads of the next block.
     #[inline(always)]
-    pub fn prefetch_next(level: &Level, state: State, b: usize) {
-        state.prefetch_next(b);
-        prefetch_next(&level.rigidity[b]);
-        prefetch_next(&level.movable[b]);
-        prefetch_next(&level.rest_length[b]);
+    pub fn prefetch(level: &Level, state: State, b: usize) {
+        state.prefetch(b);
+        prefetch(&level.rigidity[b]);
+        prefetch(&level.movable[b]);
+        prefetch(&level.rest_length[b]);
     }
 
     /// Gathers a block with its halo. Where nothing is rigid, values and triangles are gathered only if the nodes are to

@@ -40,7 +40,7 @@ impl SurfaceFn<()> for Relax<'_> {
         for sweeps in passes(self.sweeps) {
             // Blocks of one colour do not touch.
             for blocks in &run.work[self.level].colours {
-                let next = |b| Patch::prefetch_next(level, state, b);
+                let next = |b| Patch::prefetch(level, state, b);
                 run.each_of(blocks, next, |worker, _, b| {
                     let source = run.source(self.level, state, surface, b);
                     let fraction =

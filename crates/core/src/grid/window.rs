@@ -44,9 +44,23 @@ pub fn planes<'a, const N: usize>(
 }
 
 /// One function for each type: inlined into each kernel, it would take a large part of the time that kernels take to
-/// compile.
+/// compile. With moves of 32 bytes where the processor has them.
 #[inline(never)]
 fn copy<T: Copy>(planes: [Option<&Plane<T>>; 9], default: T, window: &mut Window<T>) {
+    #[cfg(target_arch = "x86_64")]
+    if std::is_x86_feature_detected!("avx") {
+        #[target_feature(enable = "avx")]
+        fn wide<T: Copy>(planes: [Option<&Plane<T>>; 9], default: T, window: &mut Window<T>) {
+            copy_with(planes, default, window);
+        }
+        // SAFETY: the processor has these instructions.
+        return unsafe { wide(planes, default, window) };
+    }
+    copy_with(planes, default, window);
+}
+
+#[inline(always)]
+fn copy_with<T: Copy>(planes: [Option<&Plane<T>>; 9], default: T, window: &mut Window<T>) {
     let centre = planes[4].expect("a stored block");
     for colour in 0..4 {
         let (ci, cj) = (colour & 1, colour >> 1);

@@ -33,7 +33,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let Rows { diagonal, words, .. } = self.rows;
         let (row_sums, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));
         let right_hand_sides = SharedSlice::new(self.residual);
-        let next = |b| Patch::prefetch_next(&run.grid.levels[self.level], state, b);
+        let next = |b| Patch::prefetch(&run.grid.levels[self.level], state, b);
         run.sum_blocks(self.level, next, |worker, b| {
             // SAFETY: each item has its own rows.
             let (sums, words, right_hand_side) =

@@ -2,7 +2,7 @@
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
-use super::super::prefetch::{prefetch, prefetch_next};
+use super::super::prefetch::prefetch;
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Halo, Rows, WordWindows, Words, halo_words};
@@ -21,7 +21,7 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
     let (diagonal, halo, product) =
         (SharedSlice::new(diagonal), SharedSlice::new(halo), SharedSlice::new(system.product));
     let words = &*words;
-    let next = |b: usize| prefetch_next(&words[b]);
+    let next = |b: usize| prefetch(&words[b]);
     run.each_block(level, next, |worker, b, _| {
         prefetch(&words[b]);
         let neighbours = active_neighbours(grid, b);

@@ -5,7 +5,7 @@
 
 use super::super::decode::interpolation;
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
-use super::super::prefetch::prefetch_next;
+use super::super::prefetch::prefetch;
 use super::super::run::Run;
 use super::rows::{WordWindows, Words, decode, decode_one, encode};
 use super::transfer::{RestrictQuarter, active_neighbours};
@@ -24,8 +24,8 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
         (SharedSlice::new(&mut coarse.rows.diagonal), SharedSlice::new(&mut coarse.rows.words));
     let next = |b: usize| {
         for &child in level.children[b].iter().filter(|&&child| child != NONE) {
-            fine.rows.prefetch_next(child as usize);
-            prefetch_next(&fine.product[child as usize]);
+            fine.rows.prefetch(child as usize);
+            prefetch(&fine.product[child as usize]);
         }
     };
     run.each_block(finer + 1, next, |worker, b, _| {

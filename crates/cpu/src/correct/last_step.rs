@@ -47,7 +47,7 @@ impl Run<'_> {
     ) {
         let SolvingLevel { rows, residual, direction, .. } = &solving.levels[0];
         let grid = &self.grid.levels[level];
-        let next = |b: usize| rows.prefetch_next(b);
+        let next = |b: usize| rows.prefetch(b);
         let products = self.sum_blocks(level, next, |_, b| {
             let mut words = [0; WINDOW_NODES];
             window::load(&grid.blocks.neighbours[b], 0, |b| &last_step[b], &mut words);

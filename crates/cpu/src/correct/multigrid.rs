@@ -5,7 +5,7 @@
 
 use super::super::lanes::{Lanes, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
-use super::super::prefetch::prefetch_next;
+use super::super::prefetch::prefetch;
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Rows, WordWindows, decode};
@@ -48,8 +48,8 @@ fn descend(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: u32, cont
     let (rows, r) = (&**rows, &**r);
     let (contributions, z) = (SharedSlice::new(direction), SharedSlice::new(product));
     let next = |b: usize| {
-        rows.prefetch_next(b);
-        prefetch_next(&r[b]);
+        rows.prefetch(b);
+        prefetch(&r[b]);
     };
     run.each_block(level, next, |worker, b, _| {
         // SAFETY: each item has its own block.
@@ -79,9 +79,9 @@ fn ascend(
     let (rows, r, before) = (&**rows, &**r, &**product);
     let z = SharedSlice::new(direction);
     let next = |b: usize| {
-        rows.prefetch_next(b);
-        prefetch_next(&r[b]);
-        prefetch_next(&before[b]);
+        rows.prefetch(b);
+        prefetch(&r[b]);
+        prefetch(&before[b]);
     };
     run.sum_blocks(level, next, |worker, b| {
         let rows = rows.block(b);
@@ -236,8 +236,8 @@ pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mu
     let neighbours = &run.grid.levels[level].blocks.neighbours;
     let out = SharedSlice::new(out);
     let next = |b: usize| {
-        rows.prefetch_next(b);
-        prefetch_next(&v[b]);
+        rows.prefetch(b);
+        prefetch(&v[b]);
     };
     run.sum_blocks(level, next, |_, b| {
         let v = &window::planes(&neighbours[b], |b, c| &v[b][c]);

@@ -6,7 +6,7 @@
 
 use super::super::allocate::Allocator;
 use super::super::lanes::{LANES, Lanes, each};
-use super::super::prefetch::{prefetch, prefetch_next};
+use super::super::prefetch::prefetch;
 use super::super::row::Row;
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::codes::unpack_bfloat16;
@@ -42,22 +42,18 @@ impl Rows {
         }
     }
 
-    /// The rows of block `b`, which are also prefetched.
+    /// The rows of block `b`.
     #[inline(always)]
     pub fn block(&self, b: usize) -> BlockRows<'_> {
-        let rows = BlockRows { diagonal: &self.diagonal[b], words: &self.words[b], halo: &self.halo[b] };
-        prefetch(rows.words);
-        prefetch(rows.halo);
-        prefetch(rows.diagonal);
-        rows
+        BlockRows { diagonal: &self.diagonal[b], words: &self.words[b], halo: &self.halo[b] }
     }
 
     /// Prefetches the rows of the next block.
     #[inline(always)]
-    pub fn prefetch_next(&self, b: usize) {
-        prefetch_next(&self.words[b]);
-        prefetch_next(&self.halo[b]);
-        prefetch_next(&self.diagonal[b]);
+    pub fn prefetch(&self, b: usize) {
+        prefetch(&self.words[b]);
+        prefetch(&self.halo[b]);
+        prefetch(&self.diagonal[b]);
     }
 }
 

@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
-use super::super::prefetch::prefetch_next;
+use super::super::prefetch::prefetch;
 use super::super::row::{Offsets, Row};
 use super::super::run::Run;
 use super::super::terms::{CORNERS, cross, least_jacobian};
@@ -35,8 +35,8 @@ pub fn limit<'a>(run: &Run, level: usize, limiting: Limiting<'a>) -> Stepping<'a
     let mut least = zeroed(blocks.len());
     let least_of_block = SharedSlice::new(&mut least);
     let next = |b: usize| {
-        prefetch_next(&u[b]);
-        prefetch_next(&step[b]);
+        prefetch(&u[b]);
+        prefetch(&step[b]);
     };
     run.each_of(&blocks, next, |_, k, b| {
         let (u, step) = (&window::planes(&grid.blocks.neighbours[b], |b, c| &u[b][c]), &step_window(b));

@@ -44,7 +44,7 @@ impl Run<'_> {
         let metrics = Metrics { level: &grid.levels[level], metric: &self.memory.levels[level].metric };
         self.each_of(
             blocks,
-            |b| state.prefetch_next(b),
+            |b| state.prefetch(b),
             |_, _, b| {
                 // SAFETY: each item has its own block.
                 set(b, unsafe { state.u.get_mut(b) });
