@@ -2,15 +2,17 @@
 //! outputs.
 //!
 //!     cargo bench -p vrtm-benches --bench real_time
-//!     cargo bench -p vrtm-benches --bench real_time -- --grids 512 --scenes bulge,squash
+//!     cargo bench -p vrtm-benches --bench real_time -- --grids 512 --scenes bulge,squash --level avx2
 
 #![allow(missing_docs)]
 
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use vrtm::{Asset, Device, FetchKind, ImageViewMut, OutputTexel, Quality, SolveOptions, StageTimes, f16};
-use vrtm_testkit::{Model, bench, scenes};
+use vrtm::{
+    Asset, Device, FetchKind, ImageViewMut, OutputTexel, Quality, SolveOptions, StageTimes, TileReport, f16,
+};
+use vrtm_testkit::{Model, bench};
 
 /// Measures solves, their stages, and outputs.
 #[derive(Parser)]
@@ -40,21 +42,28 @@ struct Args {
     /// CPU threads; 0 for one per core.
     #[arg(long, default_value_t = 0)]
     threads: u32,
+    /// Processor level of the kernels, `avx512`, `avx2` or `baseline`; by default the highest.
+    #[arg(long)]
+    level: Option<String>,
     /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-fn main() {
+fn main() -> Result<(), String> {
     let mut args = Args::parse();
     if !args.bench {
         (args.grids, args.repeats) = (vec![128], 1);
     }
+    bench::at_level(args.level.as_deref(), || run(&args))
+}
+
+fn run(args: &Args) {
     let device = vrtm_testkit::cpu(args.threads);
     println!("Milliseconds on {} threads, the shortest of {} runs.", device.info().threads, args.repeats);
-    let models: Vec<Model> = args.scenes.iter().map(|name| model(name)).collect();
+    let models: Vec<Model> = args.scenes.iter().map(|name| bench::model(name)).collect();
     if !args.outputs {
-        all_solves(&args, &device, &models);
+        all_solves(args, &device, &models);
     }
     if args.solves {
         return;
@@ -66,21 +75,9 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|");
     for model in &models {
         for &grid in &args.grids {
-            outputs(&args, &device, model, grid);
+            outputs(args, &device, model, grid);
         }
     }
-}
-
-/// A scene whose pose can be moved a little, so that each solve is a new one.
-fn model(name: &str) -> Model {
-    let mut model = Model::from(scenes::by_name(name).expect("the name of a built-in scene"));
-    let frame = model.frames.len().min(5) - 1;
-    let pose = model.frames[frame].clone();
-    let (first, rest) = (pose[0], &model.rest);
-    let moved =
-        pose.iter().zip(rest).map(|(p, r)| [0, 1, 2].map(|k| p[k] + 1e-3 * (r[k] - first[k]))).collect();
-    model.frames = vec![pose, moved];
-    model
 }
 
 /// The shortest time in milliseconds.
@@ -93,54 +90,84 @@ fn shortest(repeats: usize, mut work: impl FnMut()) -> f64 {
     times.min().unwrap_or(Duration::ZERO).as_secs_f64() * 1e3
 }
 
+/// Each row once, then all of them again: a disturbance of the machine affects all alike.
 fn all_solves(args: &Args, device: &Device, models: &[Model]) {
     println!("\n## Solves\n");
     println!(
-        "| scene | grid | quality | prepare | first | next | map | next and map | strain | energy | surface | \
-         pyramid | prolong | relax | correct | certify |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+        "| scene | grid | quality | prepare | first | next | ns per active node | map | next and map | strain | \
+         energy | surface | pyramid | prolong | relax | correct | certify |"
     );
+    println!("|{}", "---|".repeat(17));
+    let mut rows = Vec::new();
     for model in models {
         for &grid in &args.grids {
-            for &quality in &args.qualities {
-                solves(args, device, model, grid, quality);
-            }
+            rows.extend(args.qualities.iter().map(|&quality| Row::new(device, model, grid, quality)));
         }
     }
+    let largest = args.grids.iter().max().map_or(0, |&n| n as usize);
+    let mut texels = vec![[0.0f32; 2]; largest * largest];
+    for round in 0..args.repeats {
+        rows.iter_mut().for_each(|row| row.measure(2 - round % 2, &mut texels));
+    }
+    rows.iter_mut().for_each(Row::print);
 }
 
-fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quality) {
-    let options = SolveOptions { quality, ..SolveOptions::default() };
-    let start = Instant::now();
-    let mut asset = model.asset_on(device, grid);
-    asset.tile_mut(0).info().expect("a tile");
-    let prepare = start.elapsed().as_secs_f64() * 1e3;
-    let first = shortest(1, || asset.solve(model.frame(1), &options).expect("a solve"));
-    let (mut next, mut frame, mut stages) = (f64::INFINITY, 1, StageTimes::default());
-    for _ in 0..args.repeats {
-        frame = 3 - frame;
-        let ms = shortest(1, || asset.solve(model.frame(frame), &options).expect("a solve"));
-        if ms < next {
-            (next, stages) = (ms, asset.tile(0).report().expect("a report").times);
-        }
+/// A tile's solves at a quality.
+struct Row<'a> {
+    model: &'a Model,
+    grid: u32,
+    options: SolveOptions,
+    asset: Asset,
+    /// Milliseconds, the shortest.
+    prepare: f64,
+    first: f64,
+    next: f64,
+    map: f64,
+    stages: StageTimes,
+}
+
+impl Row<'_> {
+    /// A tile that has been solved once.
+    fn new<'a>(device: &Device, model: &'a Model, grid: u32, quality: Quality) -> Row<'a> {
+        let options = SolveOptions { quality, ..SolveOptions::default() };
+        let start = Instant::now();
+        let mut asset = model.asset_on(device, grid);
+        asset.tile_mut(0).info().expect("a tile");
+        let prepare = start.elapsed().as_secs_f64() * 1e3;
+        let first = shortest(1, || asset.solve(model.frame(1), &options).expect("a solve"));
+        let (next, map, stages) = (f64::INFINITY, f64::INFINITY, StageTimes::default());
+        Row { model, grid, options, asset, prepare, first, next, map, stages }
     }
-    let mut texels = vec![[0.0f32; 2]; (grid * grid) as usize];
-    let map = shortest(args.repeats, || image(&asset, FetchKind::Redirection, &mut texels, grid));
-    asset.solve(model.frame(1), &SolveOptions { measure: true, ..options }).expect("a solve");
-    let report = asset.tile(0).report().expect("a report");
-    println!(
-        "| {} | {grid} | {quality:?} | {prepare:.0} | {first:.1} | {next:.1} | {map:.1} | {:.1} | {:.5} | {:.6} | {:.2} | {:.2} | {:.2} | {:.2} | \
-         {:.2} | {:.2} |",
-        model.name,
-        next + map,
-        report.strain.map_or(f32::NAN, |strain| strain.after.rms),
-        report.energy / report.energy_before,
-        stages.surface,
-        stages.pyramid,
-        stages.prolong,
-        stages.relax,
-        stages.correct,
-        stages.certify,
-    );
+
+    /// Solves for a frame, and fetches the map.
+    fn measure(&mut self, frame: usize, texels: &mut [[f32; 2]]) {
+        let pose = self.model.frame(frame);
+        let ms = shortest(1, || self.asset.solve(pose, &self.options).expect("a solve"));
+        if ms < self.next {
+            (self.next, self.stages) = (ms, self.report().times);
+        }
+        let texels = &mut texels[..(self.grid * self.grid) as usize];
+        let map = shortest(1, || image(&self.asset, FetchKind::Redirection, texels, self.grid));
+        self.map = self.map.min(map);
+    }
+
+    fn report(&self) -> TileReport {
+        self.asset.tile(0).report().expect("a report")
+    }
+
+    fn print(&mut self) {
+        let nodes = self.report().nodes_active as f64;
+        let options = SolveOptions { measure: true, ..self.options.clone() };
+        self.asset.solve(self.model.frame(1), &options).expect("a solve");
+        let report = self.report();
+        let Row { model, grid, options, prepare, first, next, map, stages, .. } = self;
+        print!("| {} | {grid} | {:?} | {prepare:.0} | {first:.1} | {next:.1}", model.name, options.quality);
+        print!(" | {:.0} | {map:.1} | {:.1}", *next * 1e6 / nodes, *next + *map);
+        print!(" | {:.5}", report.strain.map_or(f32::NAN, |strain| strain.after.rms));
+        print!(" | {:.6} | {:.2}", report.energy / report.energy_before, stages.surface);
+        print!(" | {:.2} | {:.2} | {:.2}", stages.pyramid, stages.prolong, stages.relax);
+        println!(" | {:.2} | {:.2} |", stages.correct, stages.certify);
+    }
 }
 
 /// Fetches a packed image of a size on a side.

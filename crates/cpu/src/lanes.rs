@@ -188,9 +188,9 @@ pub enum ProcessorLevel {
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Processors other than x86-64 have one level.
 #[inline(always)]
 pub fn processor_level() -> ProcessorLevel {
-    #[cfg(test)]
+    #[cfg(any(test, feature = "lab"))]
     return detected().min(forced::most());
-    #[cfg(not(test))]
+    #[cfg(not(any(test, feature = "lab")))]
     detected()
 }
 
@@ -212,8 +212,8 @@ fn detected() -> ProcessorLevel {
     ProcessorLevel::Baseline
 }
 
-/// Lets tests run solves on lower levels.
-#[cfg(test)]
+/// Lets tests and benches run solves on lower levels.
+#[cfg(any(test, feature = "lab"))]
 pub mod forced {
     use std::sync::atomic::{AtomicUsize, Ordering};
 

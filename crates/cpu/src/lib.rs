@@ -31,5 +31,7 @@ mod state;
 mod row;
 mod lanes;
 
+#[cfg(feature = "lab")]
+pub use lanes::{ProcessorLevel, forced, processor_level};
 pub use memory::Memory;
 pub use run::Run;

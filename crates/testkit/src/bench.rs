@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use vrtm::Quality;
+use vrtm_cpu::{ProcessorLevel, forced, processor_level};
+
+use crate::{Model, scenes};
 
 /// Runs a bench at the repository's root, and tells what has gone wrong.
 pub fn main(run: impl FnOnce() -> Result<(), String>) -> ExitCode {
@@ -52,6 +55,33 @@ pub fn quality(word: &str) -> Result<Quality, String> {
         "normal" => Ok(Quality::Normal),
         _ => Err("neither draft nor normal".into()),
     }
+}
+
+/// A scene whose pose can be moved a little, so that each solve is a new one.
+pub fn model(name: &str) -> Model {
+    let mut model = Model::from(scenes::by_name(name).expect("the name of a built-in scene"));
+    let frame = model.frames.len().min(5) - 1;
+    let pose = model.frames[frame].clone();
+    let (first, rest) = (pose[0], &model.rest);
+    let moved =
+        pose.iter().zip(rest).map(|(p, r)| [0, 1, 2].map(|k| p[k] + 1e-3 * (r[k] - first[k]))).collect();
+    model.frames = vec![pose, moved];
+    model
+}
+
+/// Runs a bench with the kernels of a processor level, such as `avx2`, or without a word of the highest.
+///
+/// # Errors
+/// A level that the processor lacks, or the build.
+pub fn at_level<R>(word: Option<&str>, run: impl FnOnce() -> R) -> Result<R, String> {
+    let is_meant = |level: &ProcessorLevel| word.is_none_or(|w| format!("{level:?}").eq_ignore_ascii_case(w));
+    let level = forced::LEVELS.iter().rfind(|level| is_meant(level)).ok_or("no such level is built")?;
+    forced::at_most(*level, || {
+        if word.is_some() && processor_level() != *level {
+            return Err(format!("the processor has no {level:?}"));
+        }
+        Ok(run())
+    })
 }
 
 /// The name of a GPU as a part of a file's name, such as `nvidia-h200`.
