@@ -24,7 +24,7 @@ constants! {
     /// with next to nothing left would decide about the whole chart's next correction.
     SWEPT_MARGIN: f32 = 0.25;
     /// A node whose step in a sweep has no component over this many cells stays where it is.
-    MIN_NODE_STEP: f32 = 1e-4;
+    MIN_NODE_STEP: f32 = 1e-6;
     /// Sweeps that are done on a block while it is gathered, its halo frozen. With more, nodes that have not moved yet
     /// would hold back their neighbours.
     SWEEPS_PER_PASS: u32 = 2;
