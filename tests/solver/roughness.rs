@@ -27,7 +27,7 @@ const MISSED: [(&str, u32, Quality, Bars); 9] = [
     ("squash to 40 %", 256, Quality::Draft, [0.17, 0.22, 1.6, 0.0125]),
     ("squash to 40 %", 256, Quality::Normal, [0.048, 0.02, 2.0, 0.028]),
     ("arm", 256, Quality::Normal, [0.01, 0.001, 1.05, 0.01]),
-    ("fox", 256, Quality::Normal, [0.016, 0.002, 1.6, 0.01]),
+    ("fox", 256, Quality::Normal, [0.016, 0.003, 1.6, 0.01]),
     ("ict_inner", 256, Quality::Normal, [0.01, 0.001, 0.5, 0.05]),
     ("squash to 40 %", 128, Quality::Normal, [0.033, 0.0036, 2.4, 0.01]),
     ("strips", 128, Quality::Normal, [0.037, 0.008, 0.5, 0.01]),
@@ -39,7 +39,7 @@ const MISSED: [(&str, u32, Quality, Bars); 9] = [
 const MISSED_BEYOND: [(&str, Bars); 9] = [
     ("squash to 40 %", [0.067, 0.048, 2.5, 0.033]),
     ("strips", [0.01, 0.001, 0.75, 0.01]),
-    ("arm", [0.023, 0.002, 1.05, 0.01]),
+    ("arm", [0.023, 0.002, 1.05, 0.033]),
     ("mug_to_jug", [0.01, 0.001, 1.2, 0.01]),
     ("creature", [0.01, 0.001, 0.8, 0.01]),
     ("mh_face", [0.024, 0.0045, 2.7, 0.01]),

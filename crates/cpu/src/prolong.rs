@@ -7,9 +7,9 @@ use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::run::Run;
 use super::sampling::resample::Start;
 use vrtm_core::allocation::Vec;
-use vrtm_core::grid::Level;
+use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::window::{self, WINDOW_NODES, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::SharedSlice;
 
@@ -58,16 +58,16 @@ impl Run<'_> {
         let (finer, coarser) = self.memory.levels.split_at_mut(level + 1);
         let coarse = &coarser[0].u;
         let u = SharedSlice::new(&mut finer[level].u);
-        let (fine_level, coarse_level) = (&self.grid.levels[level], &self.grid.levels[level + 1]);
-        let blocks = &self.work[level].active;
+        let (fine_level, blocks) = (&self.grid.levels[level], &self.work[level].active);
         self.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
+            let nodes = coarse_nodes::<_, 2>(self.grid, level, b, |b, c| &coarse[b][c]);
             // SAFETY: each item has its own block.
             for (c, plane) in unsafe { u.get_mut(b) }.iter_mut().enumerate() {
-                match coarse_nodes(fine_level, coarse_level, |b| &coarse[b][c], b) {
+                match &nodes {
                     None => *plane = [0.0; NODES],
                     Some(nodes) => {
-                        dispatch(Interpolate { nodes: &nodes, movable: &fine_level.movable[b], plane })
+                        dispatch(Interpolate { nodes: &nodes[c], movable: &fine_level.movable[b], plane })
                     }
                 }
             }
@@ -87,31 +87,35 @@ impl Run<'_> {
     }
 }
 
-/// Values at the 9x9 coarse nodes from which a finer block is interpolated: the 8x8 nodes over it, one more column to
-/// the east and one more row to the north. Row-major.
-pub type CoarseNodes = [[f32; SIDE / 2 + 1]; SIDE / 2 + 1];
+/// Coarse nodes on a side over a fine block and its halo: the 8 over the block, and one on each side.
+pub const REACH: usize = SIDE / 2 + 2;
 
-/// Gathers the values at the coarse nodes over the finer block `b`. `coarse(b)` is the plane of coarse block `b`.
-/// `None` if no coarse block is stored over the finer one.
-#[inline]
-pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a>(
-    finer: &Level,
-    coarser: &Level,
-    coarse: impl Fn(usize) -> &'a Plane<T>,
+/// Values at the coarse nodes (-1..=8, -1..=8) over a fine block, row-major.
+pub type CoarseNodes = [[f32; REACH]; REACH];
+
+/// Gathers values at the coarse nodes over the fine block `b` of level `finer`; `coarse(b, c)` is plane `c` of coarse
+/// block `b`. `None` if no coarse block is stored over the fine one.
+pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a, const N: usize>(
+    grid: &Grid,
+    finer: usize,
     b: usize,
-) -> Option<CoarseNodes> {
-    let parent = finer.parent[b];
+    coarse: impl Fn(usize, usize) -> &'a Plane<T>,
+) -> Option<[CoarseNodes; N]> {
+    let (fine_level, coarse_level) = (&grid.levels[finer], &grid.levels[finer + 1]);
+    let (parent, block) = (fine_level.parent[b], &fine_level.blocks.list[b]);
     if parent == NONE {
         return None;
     }
-    let block = &finer.blocks.list[b];
     let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
-    let mut window: Window<T> = [T::default(); WINDOW_NODES];
-    window::load(&coarser.blocks.neighbours[parent as usize], T::default(), coarse, &mut window);
-    let mut nodes = [[0.0; SIDE / 2 + 1]; SIDE / 2 + 1];
-    for (j, row) in nodes.iter_mut().enumerate() {
-        for (i, node) in row.iter_mut().enumerate() {
-            *node = window[place(x + i + 1, y + j + 1)].into();
+    let mut nodes = [[[0.0; REACH]; REACH]; N];
+    let mut window = [T::default(); WINDOW_NODES];
+    for (c, nodes) in nodes.iter_mut().enumerate() {
+        let neighbours = &coarse_level.blocks.neighbours[parent as usize];
+        window::load(neighbours, T::default(), |b| coarse(b, c), &mut window);
+        for (j, row) in nodes.iter_mut().enumerate() {
+            for (i, node) in row.iter_mut().enumerate() {
+                *node = window[place(x + i, y + j)].into();
+            }
         }
     }
     Some(nodes)
@@ -131,11 +135,12 @@ impl Vectorised for Interpolate<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         for j in 0..SIDE {
-            let (low, high) = (&self.nodes[j / 2], &self.nodes[j / 2 + j % 2]);
+            // The first coarse column and row lie beside the block.
+            let (low, high) = (&self.nodes[j / 2 + 1], &self.nodes[j / 2 + j % 2 + 1]);
             for ci in 0..2 {
                 let s = slot(ci, j);
-                let low = V::load(low, 0) + V::load(low, ci);
-                let high = V::load(high, 0) + V::load(high, ci);
+                let low = V::load(low, 1) + V::load(low, 1 + ci);
+                let high = V::load(high, 1) + V::load(high, 1 + ci);
                 let movable = V::zero().lt(V::load_u8(self.movable, s));
                 let value = (low + high) * 0.5;
                 movable.select(value, V::zero()).store(self.plane, s);

@@ -3,10 +3,11 @@
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
+use super::super::prolong::{CoarseNodes, coarse_nodes};
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Halo, Rows, WordWindows, Words, halo_words};
-use super::transfer::{CoarseNodes, Weights, active_neighbours, coarse_nodes};
+use super::transfer::{Weights, active_neighbours};
 use super::workspace::SolvingLevel;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::window::{WINDOW_NODES, Window};
@@ -27,7 +28,7 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
         let neighbours = active_neighbours(grid, b);
         // P 1 is 1 if all coarse nodes from which the node is interpolated are movable, and less otherwise.
         let coarse = |b: usize, _| &run.grid.levels[level + 1].movable[b];
-        let nodes = coarser.then(|| coarse_nodes(run, level, b, coarse)).flatten();
+        let nodes = coarser.then(|| coarse_nodes(run.grid, level, b, coarse)).flatten();
         let is_one = |[nodes]: &[CoarseNodes; 1]| nodes.as_flattened().iter().all(|&x| x == 1.0);
         let ones = nodes.filter(|nodes| !is_one(nodes)).map(|[nodes]| (Weights::new(grid, b), nodes));
         // SAFETY: each item has its own block.

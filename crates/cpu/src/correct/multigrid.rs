@@ -6,10 +6,11 @@
 use super::super::lanes::{Lanes, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
+use super::super::prolong::{CoarseNodes, coarse_nodes};
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Rows, WordWindows, decode};
-use super::transfer::{CoarseNodes, Weights, active_neighbours, coarse_nodes, sum_contributions};
+use super::transfer::{Weights, active_neighbours, sum_contributions};
 use super::workspace::SolvingLevel;
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::planes::Plane;
@@ -88,7 +89,7 @@ fn ascend(
         // A block without movable nodes has no z; its memory may hold other quantities.
         let windows = &mut window::planes(&active_neighbours(grid, b), |b, c| &before[b][c]);
         let coarse = coarse.and_then(|coarse| {
-            let nodes = coarse_nodes(run, level, b, |b, c| &coarse[b][c])?;
+            let nodes = coarse_nodes(run.grid, level, b, |b, c| &coarse[b][c])?;
             Some((Weights::new(grid, b), nodes))
         });
         let from_coarser = coarse.as_ref().map(|(weights, nodes)| (weights, nodes));

@@ -4,47 +4,14 @@
 use super::super::decode::interpolation;
 use super::super::lanes::{LANES, Lanes, Vectorised, each};
 use super::super::prefetch::nothing;
+use super::super::prolong::{CoarseNodes, REACH};
 use super::super::run::Run;
 use vrtm_core::grid::Level;
 use vrtm_core::grid::codes::decode_weight;
 use vrtm_core::grid::planes::{Plane, SIDE, node_at, slot};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::window::{Window, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::SharedSlice;
-
-/// Coarse nodes on a side over a fine block and its halo: the 8 over the block, and one on each side.
-const REACH: usize = SIDE / 2 + 2;
-
-/// Values at the coarse nodes (-1..=8, -1..=8) over a fine block, row-major.
-pub type CoarseNodes = [[f32; REACH]; REACH];
-
-/// Gathers values at the coarse nodes over the fine block `b` of level `finer`; `coarse(b, c)` is plane `c` of coarse
-/// block `b`. `None` if no coarse block is stored over the fine one.
-pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a, const N: usize>(
-    run: &Run,
-    finer: usize,
-    b: usize,
-    coarse: impl Fn(usize, usize) -> &'a Plane<T>,
-) -> Option<[CoarseNodes; N]> {
-    let (fine_level, coarse_level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
-    let (parent, block) = (fine_level.parent[b], &fine_level.blocks.list[b]);
-    if parent == NONE {
-        return None;
-    }
-    let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
-    let mut nodes = [[[0.0; REACH]; REACH]; N];
-    let mut window = [T::default(); WINDOW_NODES];
-    for (c, nodes) in nodes.iter_mut().enumerate() {
-        let neighbours = &coarse_level.blocks.neighbours[parent as usize];
-        window::load(neighbours, T::default(), |b| coarse(b, c), &mut window);
-        for (j, row) in nodes.iter_mut().enumerate() {
-            for (i, node) in row.iter_mut().enumerate() {
-                *node = window[place(x + i, y + j)].into();
-            }
-        }
-    }
-    Some(nodes)
-}
 
 /// The weights of P around a fine block: of each node between two coarse ones that of the lower one, in odd rows those
 /// along x at odd columns, and those along y at even columns.

@@ -113,11 +113,11 @@ pub struct SolvingLevel<'a, 's> {
     pub rows: &'a mut Rows,
     /// The residual of the system; on coarser levels, the restricted residual of the next finer level.
     pub residual: &'a mut [[Plane; 2]],
-    /// The V-cycle's approximate solution for the residual. On the corrected level, conjugate gradients turn it into
-    /// their search direction.
+    /// The V-cycle's approximate solution for the residual; on the way down, the blocks' contributions to the residual
+    /// of the coarser level. On the corrected level, conjugate gradients turn it into their search direction.
     pub direction: &'a mut [[Plane; 2]],
-    /// The product of the matrix with a vector, or the residual after smoothing, in two planes; or A P 1 as (xx, xy,
-    /// yy) in three planes.
+    /// The product of the matrix with a vector, or the V-cycle's result on the way down, in two planes; or A P 1 as (xx,
+    /// xy, yy) in three planes.
     pub product: &'s mut [[Plane; 3]],
 }
 
