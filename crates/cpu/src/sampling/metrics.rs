@@ -20,14 +20,21 @@ impl Metrics<'_> {
     /// The metrics at (i, j), (i + 1, j), (i, j + 1) and (i + 1, j + 1) in the chart of block `b`; `None` if one of
     /// these nodes is not stored.
     fn corners(&self, b: usize, i: i64, j: i64) -> Option<[[f32; 3]; 4]> {
-        let mut corners = [[0.0; 3]; 4];
-        for (corner, (i, j)) in corners.iter_mut().zip([(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)]) {
-            match self.level.blocks.holding(b, i, j) {
-                NONE => return None,
-                block => *corner = self.node(block, i, j),
-            }
-        }
-        Some(corners)
+        let holder = |i, j| self.level.blocks.holding(b, i, j);
+        let [at_east, at_north] = [i, j].map(|n| n as usize % SIDE == SIDE - 1);
+        let low = holder(i, j);
+        let east = if at_east { holder(i + 1, j) } else { low };
+        let north = if at_north { holder(i, j + 1) } else { low };
+        let high = match (at_east, at_north) {
+            (true, true) => holder(i + 1, j + 1),
+            (true, false) => east,
+            _ => north,
+        };
+        let is_stored = ![low, east, north, high].contains(&NONE);
+        is_stored.then(|| {
+            let nodes = [(low, i, j), (east, i + 1, j), (north, i, j + 1), (high, i + 1, j + 1)];
+            nodes.map(|(block, i, j)| self.node(block, i, j))
+        })
     }
 
     /// The metric at the node (i, j), which lies in `block`.
