@@ -24,6 +24,18 @@ pub struct Row {
 /// Rows of a block.
 pub const ROWS: usize = 2 * SIDE;
 
+/// The places of each node colour's first row, as in `Row`.
+const PLACES: [[usize; 9]; 4] = {
+    let mut places = [[0; 9]; 4];
+    let mut n = 0;
+    while n < 36 {
+        let (colour, k) = (n / 9, n % 9);
+        places[colour][k] = place((colour & 1) + k % 3, (colour >> 1) + k / 3);
+        n += 1;
+    }
+    places
+};
+
 impl Row {
     /// All rows of nodes of a node colour.
     #[inline(always)]
@@ -39,8 +51,8 @@ impl Row {
 
     #[inline(always)]
     fn new(colour: usize, k: usize) -> Self {
-        let (ci, j) = (colour & 1, 2 * k + (colour >> 1 & 1));
-        Row { ci, j, places: each!([0, 1, 2, 3, 4, 5, 6, 7, 8], |n| place(ci + n % 3, j + n / 3)) }
+        let places = each!([0, 1, 2, 3, 4, 5, 6, 7, 8], |n| PLACES[colour][n] + 9 * k);
+        Row { ci: colour & 1, j: 2 * k + (colour >> 1 & 1), places }
     }
 
     /// Column of the first lane's node.
