@@ -12,6 +12,7 @@ use vrtm_core::grid::maps::{TileMaps, Values};
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at};
 use vrtm_core::image::map::Map;
 use vrtm_core::mesh::{Mesh, MeshSource, UvSource};
+use vrtm_core::report::TileReport;
 use vrtm_core::settings::TileSettings;
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
@@ -221,10 +222,15 @@ fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [us
     let texels = std::sync::Mutex::new(&mut expected);
     Team::with(1, |team| {
         let part = vrtm_core::image::ImagePart { size, first: [0, 0], end: size };
-        twin::texels(team, grid, None, u, &part, 1e4, |x, y, inverse| {
-            let centre = [x, y].map(|k| k as f64 + 0.5);
-            texels.lock().unwrap()[y * size[0] + x] =
-                [0, 1].map(|k| inverse.point()[k] - centre[k] / scale[k]);
+        let mut report = TileReport::default();
+        report.max_displacement = 1e4;
+        twin::texels(team, grid, None, u, &part, &report, &|found| {
+            for texel in found.texels {
+                let [x, y] = texel.at.map(|k| k as usize);
+                let centre = [x, y].map(|k| k as f64 + 0.5);
+                texels.lock().unwrap()[y * size[0] + x] =
+                    [0, 1].map(|k| texel.point[k] - centre[k] / scale[k]);
+            }
         });
     });
     let mut worst = 0.0f64;
