@@ -177,7 +177,8 @@ fn smooth_block<V: Lanes>(
     if down {
         each!([0, 1, 2, 3], |colour| {
             for row in Row::of_colour(colour) {
-                let known = |di: i64, dj: i64| colour ^ (di & 1) as usize ^ (dj & 1) as usize * 2 < colour;
+                // The neighbour's colour is lower.
+                let known = |di: i64, dj: i64| (colour ^ ((di & 1) + 2 * (dj & 1)) as usize) < colour;
                 let product = off_diagonal::<V>(words, row, z, known);
                 smooth_row::<V>(rows.diagonal, r, row, product, z);
             }
