@@ -157,7 +157,7 @@ impl Row<'_> {
 
     fn print(&mut self) {
         let nodes = self.report().nodes_active as f64;
-        let options = SolveOptions { measure: true, ..self.options.clone() };
+        let options = SolveOptions { measure: true, ..self.options };
         self.asset.solve(self.model.frame(1), &options).expect("a solve");
         let report = self.report();
         let Row { model, grid, options, prepare, first, next, map, stages, .. } = self;
