@@ -61,8 +61,9 @@
  * Status. Every function but vrtm_version, vrtm_status_string and vrtm_last_error returns VRTM_OK (0) or an error.
  * vrtm_last_error() on the same thread then says which argument, and which element of it, was wrong. Outputs are
  * written only on VRTM_OK, and an asset's last good result stays readable after a failed call. Besides its listed
- * errors, any function may give VRTM_ERROR_INTERNAL, a defect of the library that leaves the asset unchanged, and any
- * function that computes may give VRTM_ERROR_OUT_OF_MEMORY, after which the call may be repeated.
+ * errors, any function may give VRTM_ERROR_INVALID_ARGUMENT and VRTM_ERROR_INVALID_HANDLE for the reasons that stand
+ * there, and VRTM_ERROR_INTERNAL, a defect of the library that leaves the asset unchanged; and any function that
+ * computes may give VRTM_ERROR_OUT_OF_MEMORY, after which the call may be repeated.
  *
  * Names. vrtm_X_get_Y fills a vrtm_X_Y with facts about an X; vrtm_X_fetch_Y writes results into the caller's arrays
  * or images.
@@ -141,7 +142,8 @@ typedef int32_t vrtm_status;
 // The call succeeded.
 #define VRTM_OK 0
 
-// An argument is null, out of its range, of a wrong size, or holds a NaN or an infinity.
+// An argument is null but not optional, out of its range, no value of its type, of a wrong size, count or stride, or
+// holds a NaN or an infinity.
 #define VRTM_ERROR_INVALID_ARGUMENT 1
 
 // A handle is zero, destroyed, of another kind, or was never given out.
@@ -551,19 +553,16 @@ typedef struct vrtm_device_desc {
 // threads of its driver alive. For support, the environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's
 // default limits and without optional features.
 //
-// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
-// has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
-// function, or an environment variable that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was
-// found or it cannot be opened, and for an allocator if the library was built without the feature for it;
-// VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for an identity that no adapter has (VRTM_BACKEND_GPU; the message lists the
+// available ones), an allocator without a function, or an environment variable that cannot be read;
+// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
+// library was built without the feature for it.
 VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);
 
 // Destroys a device's handle. Assets that were made on it, and the log function, remain in use until the assets are
 // destroyed, in any order.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API
 vrtm_status vrtm_device_destroy(vrtm_device device);
 
@@ -673,9 +672,7 @@ typedef struct vrtm_mesh_desc {
 
 // Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the array and the index, for null, an
-// index out of range, a value that is not finite, counts that do not add up, a face with UVs at some corners only, a
-// setting out of range or an empty mesh; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for an empty mesh, and for a face with UVs at some corners only.
 VRTM_API
 vrtm_status vrtm_asset_create(vrtm_device device,
                               const vrtm_mesh_desc *desc,
@@ -684,8 +681,6 @@ vrtm_status vrtm_asset_create(vrtm_device device,
 // Destroys an asset and all of its tile handles. If another thread or a job is using the asset, a solve is cancelled,
 // any other call runs to its end, and the memory is freed afterwards; this function does not wait. With a device's
 // last asset, free pages of the process's heap go back to the system (on Linux with glibc, by malloc_trim).
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API
 vrtm_status vrtm_asset_destroy(vrtm_asset asset);
 
@@ -703,8 +698,7 @@ typedef struct vrtm_tile_key {
 
 // The tile of an asset with a key: one of UV set 0 without layers needs only `key->udim`, all else zero. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if there is no such tile, or if
-// `key` or `tile` is null.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT if there is no such tile.
 VRTM_API
 vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
                                  const vrtm_tile_key *key,
@@ -717,8 +711,7 @@ vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
 // rigidity stays the same keep their results; the tile is prepared from the start where a chart gains its first
 // rigidity or loses its last, or where the grid gets another size.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a zero
-// size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_set_rigidity(vrtm_tile tile,
                                    const vrtm_image *rigidity);
@@ -933,8 +926,7 @@ typedef struct vrtm_fetch {
 // that the positions span.
 //
 // Errors: those of vrtm_asset_solve and vrtm_asset_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
-// asset and for outputs that overlap. On an error nothing is written, unless a GPU fails while the outputs are
-// written.
+// asset.
 VRTM_API
 vrtm_status vrtm_asset_redirect(vrtm_asset asset,
                                 const vrtm_array *positions,
@@ -950,9 +942,7 @@ vrtm_status vrtm_asset_redirect(vrtm_asset asset,
 // options->warm or options->time_budget_ms is set. Charts whose inputs have not changed keep their result at no
 // cost, unless this solve or the last one is warm.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the vertex, for null, a wrong
-// count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_CANCELLED;
-// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_CANCELLED; VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_asset_solve(vrtm_asset asset,
                              const vrtm_array *positions,
@@ -963,11 +953,10 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 // belong to one asset. No two outputs may write the same byte, but they may be interleaved, such as two pairs of
 // channels of one image. `fetches` may be null if `count` is 0.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format, or a rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a
-// zero size, a short stride, channels that the kind does not have, an unknown value, a rectangle that is not inside
-// the whole image, or outputs that overlap; the errors of vrtm_carrier_fetch; VRTM_ERROR_OUT_OF_MEMORY. On any error
-// nothing is written, unless a GPU fails while the outputs are written. Never busy.
+// Errors: VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an integer format, or a
+// rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT for channels that the kind does not have, a rectangle
+// that is not inside the whole image, or outputs that overlap; those of vrtm_carrier_fetch. If a GPU fails while the
+// outputs are written, some may be. Never busy.
 VRTM_API
 vrtm_status vrtm_asset_fetch(const vrtm_fetch *fetches,
                              size_t count);
@@ -977,9 +966,8 @@ vrtm_status vrtm_asset_fetch(const vrtm_fetch *fetches,
 // instead of reading a map. `count` is the number of corners, vrtm_asset_info.corners; `uvs` has room for 2 * count
 // floats.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for an
-// unknown UV set, if `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never
-// busy. In tiles that have not been solved yet, the UVs are the mesh's own.
+// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy. In tiles that have not been solved yet, the UVs
+// are the mesh's own.
 VRTM_API
 vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
                                         uint32_t uv_set,
@@ -1008,8 +996,6 @@ typedef struct vrtm_device_info {
 
 // Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
 // was lost.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
 vrtm_status vrtm_device_get_info(vrtm_device device,
                                  vrtm_device_info *info);
@@ -1052,14 +1038,10 @@ typedef struct vrtm_adapter_info {
 // through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is
 // stable as long as the machine and its drivers do not change. 0 without a GPU or a driver. Each call loads the
 // drivers, which takes tens of milliseconds.
-//
-// Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 VRTM_API
 vrtm_status vrtm_adapter_count(uint32_t *count);
 
 // Describes adapter `index`, 0 <= index < vrtm_adapter_count. Takes as long as vrtm_adapter_count.
-//
-// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 VRTM_API
 vrtm_status vrtm_adapter_get_info(uint32_t index,
                                   vrtm_adapter_info *info);
@@ -1137,16 +1119,12 @@ typedef struct vrtm_asset_info {
 } vrtm_asset_info;
 
 // Describes the mesh. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
 vrtm_status vrtm_asset_get_info(vrtm_asset asset,
                                 vrtm_asset_info *info);
 
 // The tile at `index`, 0 <= index < vrtm_asset_info.tiles, first those of UV set 0 in the order of their UDIM numbers,
 // then those of set 1, and so on; the layers of a UDIM number follow one another. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an index out of range or if `tile` is null.
 VRTM_API
 vrtm_status vrtm_asset_get_tile(vrtm_asset asset,
                                 uint32_t index,
@@ -1290,8 +1268,6 @@ typedef struct vrtm_tile_grid {
 } vrtm_tile_grid;
 
 // Gets the key of a tile. Layers share their maps and settings: what is set for one of them holds for all. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `key` is null.
 VRTM_API
 vrtm_status vrtm_tile_get_key(vrtm_tile tile,
                               vrtm_tile_key *key);
@@ -1300,8 +1276,7 @@ vrtm_status vrtm_tile_get_key(vrtm_tile tile,
 // grid_height is 0, the cells that resolve the rigid features. Unlike vrtm_tile_get_info, it does not prepare the
 // tile: it takes some milliseconds after a change of the rigidity.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `grid` is null; VRTM_ERROR_BUSY;
-// VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_get_grid(vrtm_tile tile,
                                vrtm_tile_grid *grid);
@@ -1309,8 +1284,7 @@ vrtm_status vrtm_tile_get_grid(vrtm_tile tile,
 // Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size;
-// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_get_info(vrtm_tile tile,
                                vrtm_tile_info *info);
@@ -1320,9 +1294,7 @@ vrtm_status vrtm_tile_get_info(vrtm_tile tile,
 // one that was set; its other texels are not read. Updating a small part takes a small fraction of the time of setting
 // the map, unless the tile has to be prepared from the start (vrtm_tile_set_rigidity).
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format, if
-// the part is empty or not inside the map, and in the cases of vrtm_tile_set_rigidity; VRTM_ERROR_BUSY;
-// VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format; VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_update_rigidity(vrtm_tile tile,
                                       const vrtm_image *rigidity,
@@ -1334,8 +1306,6 @@ vrtm_status vrtm_tile_update_rigidity(vrtm_tile tile,
 // Sets a tile's warp mask: points under a texel below 0.5 do not move. Null removes it. A tile without one has the
 // mask of the vertices (vrtm_asset_set_vertex_mask), and without that, too, all may move: the default. In other
 // respects as vrtm_tile_set_rigidity.
-//
-// Errors: those of vrtm_tile_set_rigidity.
 VRTM_API
 vrtm_status vrtm_tile_set_mask(vrtm_tile tile,
                                const vrtm_image *mask);
@@ -1344,8 +1314,7 @@ vrtm_status vrtm_tile_set_mask(vrtm_tile tile,
 // a map (vrtm_tile_set_rigidity) has that of its map, in whatever order the two are set. Null removes the values and
 // leaves the maps. Without a map, the grid is chosen in the same way, up to 1024 x 1024 cells.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
-// value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_asset_set_vertex_rigidity(vrtm_asset asset,
                                            const vrtm_array *rigidity);
@@ -1361,20 +1330,19 @@ vrtm_status vrtm_asset_set_vertex_mask(vrtm_asset asset,
 
 // Sets a tile's settings, for all of its layers. Null: all defaults.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.
+// Errors: VRTM_ERROR_BUSY.
 VRTM_API vrtm_status vrtm_tile_set_settings(vrtm_tile tile, const vrtm_tile_settings *settings);
 
 // Gets a tile's settings, as set or the defaults. The struct can be passed to vrtm_tile_set_settings unchanged.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `settings` is null or has a wrong struct_size;
-// VRTM_ERROR_BUSY.
+// Errors: VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_get_settings(vrtm_tile tile,
                                    vrtm_tile_settings *settings);
 
 // Freezes a tile (1) or unfreezes it (0): solves skip a frozen tile, so that it keeps its result, if it has one.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `frozen` is neither 0 nor 1; VRTM_ERROR_BUSY.
+// Errors: VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_freeze(vrtm_tile tile,
                              uint32_t frozen);
@@ -1398,9 +1366,8 @@ typedef struct vrtm_tile_estimate {
 // and memory of preparing the tile, and keeps nothing but the charts' extensions with VRTM_SEAMS_CONTINUE or
 // VRTM_OPEN_BORDERS_SLIDE. The same estimate is checked against a device's memory_budget before a tile is prepared.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
-// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY; VRTM_ERROR_UNSUPPORTED if the GPU's buffers are too small for the grid,
-// with the largest size that fits, as in all calls that prepare a tile.
+// Errors: VRTM_ERROR_BUSY; VRTM_ERROR_UNSUPPORTED if the GPU's buffers are too small for the grid, with the largest
+// size that fits, as in all calls that prepare a tile.
 VRTM_API
 vrtm_status vrtm_tile_get_estimate(vrtm_tile tile,
                                    vrtm_tile_estimate *estimate);
@@ -1410,8 +1377,7 @@ vrtm_status vrtm_tile_get_estimate(vrtm_tile tile,
 // then with a buffer of that size. The bytes hold what is derived from mesh, maps and settings, not the mesh, maps and
 // settings themselves.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `size` is null, or if `data` is neither null nor
-// large enough; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT if `data` is neither null nor large enough; VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_save(vrtm_tile tile,
                            void *data,
@@ -1423,9 +1389,8 @@ vrtm_status vrtm_tile_save(vrtm_tile tile,
 // trusted: anything but an intact saved tile is refused. The checksum is no signature: bytes that were forged together
 // with it may give a different warp, which is certified like any other.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged, in another
-// version of the format, or saved with another mesh, map or setting; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any
-// error the tile is as before.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for bytes that are damaged, in another version of the format, or saved with
+// another mesh, map or setting; VRTM_ERROR_BUSY. On any error the tile is as before.
 VRTM_API
 vrtm_status vrtm_tile_load(vrtm_tile tile,
                            const void *data,
@@ -1437,9 +1402,6 @@ vrtm_status vrtm_tile_load(vrtm_tile tile,
 // vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_info.faces. All
 // corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
 // Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set, if `layers` is null or `count`
-// is not the number of faces. On any error nothing is written.
 VRTM_API
 vrtm_status vrtm_asset_fetch_face_layers(vrtm_asset asset,
                                          uint32_t uv_set,
@@ -1491,9 +1453,8 @@ typedef struct vrtm_map_desc {
 // about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
 // if a GPU writes it, single quads that almost fold may be counted differently.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
-// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+// Errors: VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an integer format;
+// VRTM_ERROR_INVALID_ARGUMENT for a kind that is not a redirection. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
                                   const vrtm_map_desc *desc,
@@ -1513,8 +1474,6 @@ vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
 // Cancels the solve of an asset that is in progress, whether another thread's call or a job: it soon gives
 // VRTM_ERROR_CANCELLED, and the last good result stays. A solve that already has its result is not cancelled. Does
 // nothing if no solve is in progress. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE.
 VRTM_API
 vrtm_status vrtm_asset_cancel(vrtm_asset asset);
 
@@ -1556,7 +1515,7 @@ typedef struct vrtm_job_progress {
 // `spawn`, and otherwise on a thread of its own, which ends with the job.
 //
 // Errors: those of vrtm_asset_solve, except those that occur while solving, which vrtm_job_wait returns;
-// VRTM_ERROR_INVALID_ARGUMENT if `job` is null; VRTM_ERROR_OUT_OF_MEMORY, also if no thread can be started.
+// VRTM_ERROR_OUT_OF_MEMORY also if no thread can be started.
 VRTM_API
 vrtm_status vrtm_asset_submit(vrtm_asset asset,
                               const vrtm_array *positions,
@@ -1569,31 +1528,26 @@ vrtm_status vrtm_asset_submit(vrtm_asset asset,
 // If no thread has begun the job yet, the first thread that waits with VRTM_FOREVER does its work.
 //
 // Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
-// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
-// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY on a thread that does the job's work, as in its own progress function.
+// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet; VRTM_ERROR_BUSY on a thread that
+// does the job's work, as in its own progress function.
 VRTM_API
 vrtm_status vrtm_job_wait(vrtm_job job,
                           uint32_t timeout_ms);
 
 // Gets the state and progress of a job. Never waits.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `progress` is null or has a wrong struct_size.
 VRTM_API
 vrtm_status vrtm_job_get_progress(vrtm_job job,
                                   vrtm_job_progress *progress);
 
 // Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. A job that
 // already has its result ends normally. Never waits.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE.
 VRTM_API
 vrtm_status vrtm_job_cancel(vrtm_job job);
 
 // Destroys a job. A job that is not done is cancelled. The call waits until the job and its thread have ended. Destroy
 // all jobs before the library is unloaded.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the
-// job's work, as in its own progress function.
+// Errors: VRTM_ERROR_BUSY on a thread that does the job's work, as in its own progress function.
 VRTM_API
 vrtm_status vrtm_job_destroy(vrtm_job job);
 
@@ -1803,8 +1757,7 @@ typedef struct vrtm_asset_report {
 
 // Reports on a tile's last solve.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-// `report` is null or has a wrong struct_size. Never busy.
+// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_get_report(vrtm_tile tile,
                                  vrtm_tile_report *report);
@@ -1813,8 +1766,7 @@ vrtm_status vrtm_tile_get_report(vrtm_tile tile,
 // most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if
 // the solve did not measure. With `features` null and `capacity` 0 nothing else is written.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-// `count` is null, or if `features` is null and `capacity` is not 0. On any error nothing is written. Never busy.
+// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_get_worst_features(vrtm_tile tile,
                                          vrtm_worst_feature *features,
@@ -1823,8 +1775,7 @@ vrtm_status vrtm_tile_get_worst_features(vrtm_tile tile,
 
 // Reports on an asset's last solve, over all tiles.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-// `report` is null or has a wrong struct_size. Never busy.
+// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
 VRTM_API
 vrtm_status vrtm_asset_get_report(vrtm_asset asset,
                                   vrtm_asset_report *report);
@@ -1835,8 +1786,7 @@ vrtm_status vrtm_asset_get_report(vrtm_asset asset,
 // `name` is the struct's name, such as "vrtm_solve_options"; `size` is the size of the caller's struct in bytes, which
 // becomes its struct_size. Fields that this library does not know become zero.
 //
-// Errors: VRTM_ERROR_INVALID_ARGUMENT for a name of no struct with a struct_size, for null, or for a size that the
-// struct never had.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for a name of no struct with a struct_size, or a size that it never had.
 VRTM_API
 vrtm_status vrtm_defaults(const char *name,
                           void *value,
@@ -1922,10 +1872,9 @@ typedef struct vrtm_external_image {
 // that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 //
 // Errors: those of vrtm_asset_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
-// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
-// texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.
-// On these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT for
+// an offset or stride that is no multiple of a texel, memory that is too small, a handle that does not refer to
+// memory, or a memory type that cannot hold buffers. After VRTM_ERROR_DEVICE_LOST the texels are undefined.
 VRTM_API
 vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
                                      vrtm_fetch_kind kind,
@@ -1941,9 +1890,7 @@ vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
 // mesh and size is enough. Triangles that would come out mirrored, or with less than a quarter or more than four times
 // the chart's area at its border, are left out.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the argument or the field, for a reach out of
-// range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer
-// format; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+// Errors: VRTM_ERROR_UNSUPPORTED for an integer format. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch_dilation(vrtm_tile tile,
                                      double reach,
@@ -2038,8 +1985,7 @@ typedef struct vrtm_refinement_pattern {
 // The caller destroys `*refinement`. It keeps the data that it needs alive, including the mesh and the last result,
 // and may be used after the asset is destroyed. Never busy: it reads the last good result, even during a solve.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for
-// a UV set or a tolerance out of range, or if `refinement` is null; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_NOT_SOLVED before the first solve.
 VRTM_API
 vrtm_status vrtm_refinement_create(vrtm_asset asset,
                                    const vrtm_refinement_desc *desc,
@@ -2051,22 +1997,18 @@ vrtm_status vrtm_refinement_create(vrtm_asset asset,
 // the pass over the frames until the number of triangles no longer changes: a split for one frame may push another
 // slightly over the tolerance.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
-// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
+// Errors: VRTM_ERROR_BUSY while another call extends the same refinement. On any error the refinement is as it was.
 VRTM_API
 vrtm_status vrtm_refinement_extend(vrtm_refinement refinement);
 
 // Gets the sizes and the accuracy of a refinement. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
 vrtm_status vrtm_refinement_get_info(vrtm_refinement refinement,
                                      vrtm_refinement_info *info);
 
 // Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
-// differs from vrtm_refinement_get_info, or two arrays overlap. On any error nothing is written.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT if two arrays overlap.
 VRTM_API
 vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
                                           const vrtm_refinement_pattern *pattern);
@@ -2077,17 +2019,12 @@ vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
 // number of corners, vrtm_refinement_info.corners; `uvs` has room for 2 * count floats. Never busy.
 //
 // For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `uvs` is null or `count` is not the number of
-// corners; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
 VRTM_API
 vrtm_status vrtm_refinement_fetch_corner_uvs(vrtm_refinement refinement,
                                              float *uvs,
                                              size_t count);
 
 // Destroys a refinement. Calls that are using it run to their end; the memory is freed afterwards.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API vrtm_status vrtm_refinement_destroy(vrtm_refinement refinement);
 
 /* ---- Carriers ---- */
@@ -2215,17 +2152,13 @@ typedef struct vrtm_carrier_info {
 // The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
 // may be used after the asset is destroyed. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field and the index, for arrays of
-// different counts, values that are not finite, corners that are not of one face, or if `desc` or `carrier` is null;
-// VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for corners that are not of one face.
 VRTM_API
 vrtm_status vrtm_carrier_create(vrtm_asset asset,
                                 const vrtm_carrier_desc *desc,
                                 vrtm_carrier *carrier);
 
 // Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
 vrtm_status vrtm_carrier_get_info(vrtm_carrier carrier,
                                   vrtm_carrier_info *info);
@@ -2233,26 +2166,19 @@ vrtm_status vrtm_carrier_get_info(vrtm_carrier carrier,
 // Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
 // on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create, unless
-// the asset had another carrier in its last one: poses from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming
-// the field, if `carried` is null, a count is not the number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY,
-// VRTM_ERROR_DEVICE_LOST. On any error nothing is written.
+// Errors: VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create, unless the asset had another carrier
+// in its last one: poses from before are not kept; VRTM_ERROR_INVALID_ARGUMENT if elements overlap.
 VRTM_API
 vrtm_status vrtm_carrier_fetch(vrtm_carrier carrier,
                                const vrtm_carried *carried);
 
 // Writes the state of each point, one of VRTM_POINT_, to `count` elements: vrtm_carrier_info.points. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of
-// points.
 VRTM_API
 vrtm_status vrtm_carrier_fetch_states(vrtm_carrier carrier,
                                       vrtm_point_state *states,
                                       size_t count);
 
 // Destroys a carrier. Calls that are using it run to their end; the memory is freed afterwards.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API vrtm_status vrtm_carrier_destroy(vrtm_carrier carrier);
 
 /* ---- Initialisers: set struct_size and nonzero defaults; all else is zero ---- */

@@ -80,8 +80,6 @@ pub(super) fn adapter_id(by: vrtm_adapter_by, id: [u8; 16]) -> Outcome<Option<Ad
 /// through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is
 /// stable as long as the machine and its drivers do not change. 0 without a GPU or a driver. Each call loads the
 /// drivers, which takes tens of milliseconds.
-///
-/// Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
     guard_value("vrtm_adapter_count", count, "count", || {
@@ -90,8 +88,6 @@ pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
 }
 
 /// Describes adapter `index`, 0 <= index < vrtm_adapter_count. Takes as long as vrtm_adapter_count.
-///
-/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_adapter_get_info(index: u32, info: *mut vrtm_adapter_info) -> vrtm_status {
     guard_struct("vrtm_adapter_get_info", info, "info", || {

@@ -20,9 +20,7 @@ mirror! {
 
 /// Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the array and the index, for null, an
-/// index out of range, a value that is not finite, counts that do not add up, a face with UVs at some corners only, a
-/// setting out of range or an empty mesh; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an empty mesh, and for a face with UVs at some corners only.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_create(
     device: vrtm_device,
@@ -44,8 +42,6 @@ pub unsafe extern "C" fn vrtm_asset_create(
 }
 
 /// Describes the mesh. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_get_info(asset: vrtm_asset, info: *mut vrtm_asset_info) -> vrtm_status {
     guard_struct("vrtm_asset_get_info", info, "info", || Ok(handle::asset(asset)?.info.into()))
@@ -54,8 +50,6 @@ pub unsafe extern "C" fn vrtm_asset_get_info(asset: vrtm_asset, info: *mut vrtm_
 /// Destroys an asset and all of its tile handles. If another thread or a job is using the asset, a solve is cancelled,
 /// any other call runs to its end, and the memory is freed afterwards; this function does not wait. With a device's
 /// last asset, free pages of the process's heap go back to the system (on Linux with glibc, by malloc_trim).
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_destroy(asset: vrtm_asset) -> vrtm_status {
     guard("vrtm_asset_destroy", || {
@@ -66,8 +60,6 @@ pub unsafe extern "C" fn vrtm_asset_destroy(asset: vrtm_asset) -> vrtm_status {
 
 /// The tile at `index`, 0 <= index < vrtm_asset_info.tiles, first those of UV set 0 in the order of their UDIM numbers,
 /// then those of set 1, and so on; the layers of a UDIM number follow one another. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an index out of range or if `tile` is null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_get_tile(
     asset: vrtm_asset,

@@ -106,9 +106,7 @@ pub(super) static CARRIERS: Table<Carrier> = Table::new(Kind::Carrier, "carrier"
 /// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
 /// may be used after the asset is destroyed. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field and the index, for arrays of
-/// different counts, values that are not finite, corners that are not of one face, or if `desc` or `carrier` is null;
-/// VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for corners that are not of one face.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_create(
     asset: vrtm_asset,
@@ -166,8 +164,6 @@ pub unsafe extern "C" fn vrtm_carrier_create(
 }
 
 /// Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_get_info(
     carrier: vrtm_carrier,
@@ -181,10 +177,8 @@ pub unsafe extern "C" fn vrtm_carrier_get_info(
 /// Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
 /// on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create, unless
-/// the asset had another carrier in its last one: poses from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming
-/// the field, if `carried` is null, a count is not the number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY,
-/// VRTM_ERROR_DEVICE_LOST. On any error nothing is written.
+/// Errors: VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create, unless the asset had another carrier
+/// in its last one: poses from before are not kept; VRTM_ERROR_INVALID_ARGUMENT if elements overlap.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_fetch(
     carrier: vrtm_carrier,
@@ -201,9 +195,6 @@ pub unsafe extern "C" fn vrtm_carrier_fetch(
 }
 
 /// Writes the state of each point, one of VRTM_POINT_, to `count` elements: vrtm_carrier_info.points. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of
-/// points.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_fetch_states(
     carrier: vrtm_carrier,
@@ -225,8 +216,6 @@ pub unsafe extern "C" fn vrtm_carrier_fetch_states(
 }
 
 /// Destroys a carrier. Calls that are using it run to their end; the memory is freed afterwards.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_destroy(carrier: vrtm_carrier) -> vrtm_status {
     guard("vrtm_carrier_destroy", || CARRIERS.remove(carrier.id).map(drop))

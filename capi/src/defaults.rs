@@ -28,8 +28,7 @@ use super::types::{vrtm_array, vrtm_array_out, vrtm_carried, vrtm_image, vrtm_im
 /// `name` is the struct's name, such as "vrtm_solve_options"; `size` is the size of the caller's struct in bytes, which
 /// becomes its struct_size. Fields that this library does not know become zero.
 ///
-/// Errors: VRTM_ERROR_INVALID_ARGUMENT for a name of no struct with a struct_size, for null, or for a size that the
-/// struct never had.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for a name of no struct with a struct_size, or a size that it never had.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_defaults(name: *const c_char, value: *mut c_void, size: usize) -> vrtm_status {
     guard("vrtm_defaults", || {

@@ -196,11 +196,10 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 /// threads of its driver alive. For support, the environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's
 /// default limits and without optional features.
 ///
-/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
-/// has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
-/// function, or an environment variable that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was
-/// found or it cannot be opened, and for an allocator if the library was built without the feature for it;
-/// VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an identity that no adapter has (VRTM_BACKEND_GPU; the message lists the
+/// available ones), an allocator without a function, or an environment variable that cannot be read;
+/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
+/// library was built without the feature for it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,
@@ -217,8 +216,6 @@ pub unsafe extern "C" fn vrtm_device_create(
 
 /// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
 /// was lost.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_get_info(
     device: vrtm_device,
@@ -229,8 +226,6 @@ pub unsafe extern "C" fn vrtm_device_get_info(
 
 /// Destroys a device's handle. Assets that were made on it, and the log function, remain in use until the assets are
 /// destroyed, in any order.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_destroy(device: vrtm_device) -> vrtm_status {
     guard("vrtm_device_destroy", || DEVICES.remove(device.id).map(drop))

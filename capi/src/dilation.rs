@@ -14,9 +14,7 @@ use vrtm::FetchKind;
 /// mesh and size is enough. Triangles that would come out mirrored, or with less than a quarter or more than four times
 /// the chart's area at its border, are left out.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the argument or the field, for a reach out of
-/// range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer
-/// format; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+/// Errors: VRTM_ERROR_UNSUPPORTED for an integer format. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch_dilation(
     tile: vrtm_tile,

@@ -85,10 +85,9 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 /// that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 ///
 /// Errors: those of vrtm_asset_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
-/// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-/// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
-/// texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.
-/// On these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+/// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT for
+/// an offset or stride that is no multiple of a texel, memory that is too small, a handle that does not refer to
+/// memory, or a memory type that cannot hold buffers. After VRTM_ERROR_DEVICE_LOST the texels are undefined.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch_external(
     tile: vrtm_tile,

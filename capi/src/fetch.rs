@@ -255,11 +255,10 @@ impl Checked<'_> {
 /// belong to one asset. No two outputs may write the same byte, but they may be interleaved, such as two pairs of
 /// channels of one image. `fetches` may be null if `count` is 0.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an
-/// integer format, or a rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a
-/// zero size, a short stride, channels that the kind does not have, an unknown value, a rectangle that is not inside
-/// the whole image, or outputs that overlap; the errors of vrtm_carrier_fetch; VRTM_ERROR_OUT_OF_MEMORY. On any error
-/// nothing is written, unless a GPU fails while the outputs are written. Never busy.
+/// Errors: VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an integer format, or a
+/// rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT for channels that the kind does not have, a rectangle
+/// that is not inside the whole image, or outputs that overlap; those of vrtm_carrier_fetch. If a GPU fails while the
+/// outputs are written, some may be. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_fetch(fetches: *const vrtm_fetch, count: usize) -> vrtm_status {
     guard("vrtm_asset_fetch", || {
@@ -275,9 +274,6 @@ pub unsafe extern "C" fn vrtm_asset_fetch(fetches: *const vrtm_fetch, count: usi
 /// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_info.faces. All
 /// corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
 /// Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set, if `layers` is null or `count`
-/// is not the number of faces. On any error nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_fetch_face_layers(
     asset: vrtm_asset,
@@ -300,9 +296,8 @@ pub unsafe extern "C" fn vrtm_asset_fetch_face_layers(
 /// instead of reading a map. `count` is the number of corners, vrtm_asset_info.corners; `uvs` has room for 2 * count
 /// floats.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for an
-/// unknown UV set, if `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never
-/// busy. In tiles that have not been solved yet, the UVs are the mesh's own.
+/// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy. In tiles that have not been solved yet, the UVs
+/// are the mesh's own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
     asset: vrtm_asset,

@@ -194,7 +194,7 @@ static JOBS: Table<Job> = Table::new(Kind::Job, "job");
 /// `spawn`, and otherwise on a thread of its own, which ends with the job.
 ///
 /// Errors: those of vrtm_asset_solve, except those that occur while solving, which vrtm_job_wait returns;
-/// VRTM_ERROR_INVALID_ARGUMENT if `job` is null; VRTM_ERROR_OUT_OF_MEMORY, also if no thread can be started.
+/// VRTM_ERROR_OUT_OF_MEMORY also if no thread can be started.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_submit(
     asset: vrtm_asset,
@@ -246,8 +246,8 @@ pub unsafe extern "C" fn vrtm_asset_submit(
 /// If no thread has begun the job yet, the first thread that waits with VRTM_FOREVER does its work.
 ///
 /// Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
-/// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
-/// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY on a thread that does the job's work, as in its own progress function.
+/// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet; VRTM_ERROR_BUSY on a thread that
+/// does the job's work, as in its own progress function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_status {
     guard("vrtm_job_wait", || {
@@ -257,8 +257,6 @@ pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_s
 }
 
 /// Gets the state and progress of a job. Never waits.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `progress` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_get_progress(
     job: vrtm_job,
@@ -281,8 +279,6 @@ pub unsafe extern "C" fn vrtm_job_get_progress(
 
 /// Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. A job that
 /// already has its result ends normally. Never waits.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_cancel", || {
@@ -294,8 +290,7 @@ pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
 /// Destroys a job. A job that is not done is cancelled. The call waits until the job and its thread have ended. Destroy
 /// all jobs before the library is unloaded.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the
-/// job's work, as in its own progress function.
+/// Errors: VRTM_ERROR_BUSY on a thread that does the job's work, as in its own progress function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_destroy", || {

@@ -45,9 +45,8 @@ sized!(vrtm_map_desc);
 /// about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
 /// if a GPU writes it, single quads that almost fold may be counted differently.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
-/// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+/// Errors: VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an integer format;
+/// VRTM_ERROR_INVALID_ARGUMENT for a kind that is not a redirection. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_inspect_map(
     tile: vrtm_tile,

@@ -20,9 +20,8 @@ mirror! {
 /// and memory of preparing the tile, and keeps nothing but the charts' extensions with VRTM_SEAMS_CONTINUE or
 /// VRTM_OPEN_BORDERS_SLIDE. The same estimate is checked against a device's memory_budget before a tile is prepared.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
-/// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY; VRTM_ERROR_UNSUPPORTED if the GPU's buffers are too small for the grid,
-/// with the largest size that fits, as in all calls that prepare a tile.
+/// Errors: VRTM_ERROR_BUSY; VRTM_ERROR_UNSUPPORTED if the GPU's buffers are too small for the grid, with the largest
+/// size that fits, as in all calls that prepare a tile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_estimate(
     tile: vrtm_tile,
@@ -39,8 +38,7 @@ pub unsafe extern "C" fn vrtm_tile_get_estimate(
 /// then with a buffer of that size. The bytes hold what is derived from mesh, maps and settings, not the mesh, maps and
 /// settings themselves.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `size` is null, or if `data` is neither null nor
-/// large enough; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT if `data` is neither null nor large enough; VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_save(
     tile: vrtm_tile,
@@ -66,9 +64,8 @@ pub unsafe extern "C" fn vrtm_tile_save(
 /// trusted: anything but an intact saved tile is refused. The checksum is no signature: bytes that were forged together
 /// with it may give a different warp, which is certified like any other.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged, in another
-/// version of the format, or saved with another mesh, map or setting; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any
-/// error the tile is as before.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for bytes that are damaged, in another version of the format, or saved with
+/// another mesh, map or setting; VRTM_ERROR_BUSY. On any error the tile is as before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_load(tile: vrtm_tile, data: *const c_void, size: usize) -> vrtm_status {
     guard("vrtm_tile_load", || {

@@ -105,8 +105,7 @@ static REFINEMENTS: Table<SharedRefinement> = Table::new(Kind::Refinement, "refi
 /// The caller destroys `*refinement`. It keeps the data that it needs alive, including the mesh and the last result,
 /// and may be used after the asset is destroyed. Never busy: it reads the last good result, even during a solve.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for
-/// a UV set or a tolerance out of range, or if `refinement` is null; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_NOT_SOLVED before the first solve.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_create(
     asset: vrtm_asset,
@@ -130,16 +129,13 @@ pub unsafe extern "C" fn vrtm_refinement_create(
 /// the pass over the frames until the number of triangles no longer changes: a split for one frame may push another
 /// slightly over the tolerance.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
-/// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
+/// Errors: VRTM_ERROR_BUSY while another call extends the same refinement. On any error the refinement is as it was.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_extend(refinement: vrtm_refinement) -> vrtm_status {
     guard("vrtm_refinement_extend", || REFINEMENTS.get("refinement", refinement.id)?.extend())
 }
 
 /// Gets the sizes and the accuracy of a refinement. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_get_info(
     refinement: vrtm_refinement,
@@ -152,8 +148,7 @@ pub unsafe extern "C" fn vrtm_refinement_get_info(
 
 /// Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
-/// differs from vrtm_refinement_get_info, or two arrays overlap. On any error nothing is written.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT if two arrays overlap.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
     refinement: vrtm_refinement,
@@ -229,9 +224,6 @@ impl Spans {
 /// number of corners, vrtm_refinement_info.corners; `uvs` has room for 2 * count floats. Never busy.
 ///
 /// For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `uvs` is null or `count` is not the number of
-/// corners; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
     refinement: vrtm_refinement,
@@ -249,8 +241,6 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
 }
 
 /// Destroys a refinement. Calls that are using it run to their end; the memory is freed afterwards.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_destroy(refinement: vrtm_refinement) -> vrtm_status {
     guard("vrtm_refinement_destroy", || REFINEMENTS.remove(refinement.id).map(drop))

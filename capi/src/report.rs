@@ -65,8 +65,7 @@ mirror! {
 
 /// Reports on a tile's last solve.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-/// `report` is null or has a wrong struct_size. Never busy.
+/// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_report(tile: vrtm_tile, report: *mut vrtm_tile_report) -> vrtm_status {
     guard_struct("vrtm_tile_get_report", report, "report", || {
@@ -79,8 +78,7 @@ pub unsafe extern "C" fn vrtm_tile_get_report(tile: vrtm_tile, report: *mut vrtm
 /// most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if
 /// the solve did not measure. With `features` null and `capacity` 0 nothing else is written.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-/// `count` is null, or if `features` is null and `capacity` is not 0. On any error nothing is written. Never busy.
+/// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_worst_features(
     tile: vrtm_tile,
@@ -102,8 +100,7 @@ pub unsafe extern "C" fn vrtm_tile_get_worst_features(
 
 /// Reports on an asset's last solve, over all tiles.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-/// `report` is null or has a wrong struct_size. Never busy.
+/// Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_get_report(
     asset: vrtm_asset,

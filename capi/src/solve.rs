@@ -176,9 +176,7 @@ impl<'a> CheckedOptions<'a> {
 /// options->warm or options->time_budget_ms is set. Charts whose inputs have not changed keep their result at no
 /// cost, unless this solve or the last one is warm.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the vertex, for null, a wrong
-/// count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_CANCELLED;
-/// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_CANCELLED; VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_solve(
     asset: vrtm_asset,
@@ -201,8 +199,7 @@ pub unsafe extern "C" fn vrtm_asset_solve(
 /// that the positions span.
 ///
 /// Errors: those of vrtm_asset_solve and vrtm_asset_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
-/// asset and for outputs that overlap. On an error nothing is written, unless a GPU fails while the outputs are
-/// written.
+/// asset.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_redirect(
     asset: vrtm_asset,
@@ -227,8 +224,6 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
 /// Cancels the solve of an asset that is in progress, whether another thread's call or a job: it soon gives
 /// VRTM_ERROR_CANCELLED, and the last good result stays. A solve that already has its result is not cancelled. Does
 /// nothing if no solve is in progress. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_cancel(asset: vrtm_asset) -> vrtm_status {
     guard("vrtm_asset_cancel", || {

@@ -23,7 +23,8 @@ pub type vrtm_status = i32;
 
 /// The call succeeded.
 pub const VRTM_OK: vrtm_status = 0;
-/// An argument is null, out of its range, of a wrong size, or holds a NaN or an infinity.
+/// An argument is null but not optional, out of its range, no value of its type, of a wrong size, count or stride, or
+/// holds a NaN or an infinity.
 pub const VRTM_ERROR_INVALID_ARGUMENT: vrtm_status = 1;
 /// A handle is zero, destroyed, of another kind, or was never given out.
 pub const VRTM_ERROR_INVALID_HANDLE: vrtm_status = 2;

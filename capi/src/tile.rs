@@ -59,8 +59,6 @@ pub struct vrtm_tile_key {
 }
 
 /// Gets the key of a tile. Layers share their maps and settings: what is set for one of them holds for all. Never busy.
-///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `key` is null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_key(tile: vrtm_tile, key: *mut vrtm_tile_key) -> vrtm_status {
     guard_value("vrtm_tile_get_key", key, "key", || {
@@ -73,8 +71,7 @@ pub unsafe extern "C" fn vrtm_tile_get_key(tile: vrtm_tile, key: *mut vrtm_tile_
 
 /// The tile of an asset with a key: one of UV set 0 without layers needs only `key->udim`, all else zero. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if there is no such tile, or if
-/// `key` or `tile` is null.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT if there is no such tile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_find_tile(
     asset: vrtm_asset,
@@ -110,8 +107,7 @@ pub struct vrtm_tile_grid {
 /// grid_height is 0, the cells that resolve the rigid features. Unlike vrtm_tile_get_info, it does not prepare the
 /// tile: it takes some milliseconds after a change of the rigidity.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `grid` is null; VRTM_ERROR_BUSY;
-/// VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_grid(tile: vrtm_tile, grid: *mut vrtm_tile_grid) -> vrtm_status {
     guard_value("vrtm_tile_get_grid", grid, "grid", || {
@@ -124,8 +120,7 @@ pub unsafe extern "C" fn vrtm_tile_get_grid(tile: vrtm_tile, grid: *mut vrtm_til
 /// Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 /// grid, which takes time.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size;
-/// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_info(tile: vrtm_tile, info: *mut vrtm_tile_info) -> vrtm_status {
     guard_struct("vrtm_tile_get_info", info, "info", || {
@@ -141,8 +136,7 @@ pub unsafe extern "C" fn vrtm_tile_get_info(tile: vrtm_tile, info: *mut vrtm_til
 /// rigidity stays the same keep their results; the tile is prepared from the start where a chart gains its first
 /// rigidity or loses its last, or where the grid gets another size.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a zero
-/// size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_set_rigidity(tile: vrtm_tile, rigidity: *const vrtm_image) -> vrtm_status {
     guard("vrtm_tile_set_rigidity", || {
@@ -158,9 +152,7 @@ pub unsafe extern "C" fn vrtm_tile_set_rigidity(tile: vrtm_tile, rigidity: *cons
 /// one that was set; its other texels are not read. Updating a small part takes a small fraction of the time of setting
 /// the map, unless the tile has to be prepared from the start (vrtm_tile_set_rigidity).
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format, if
-/// the part is empty or not inside the map, and in the cases of vrtm_tile_set_rigidity; VRTM_ERROR_BUSY;
-/// VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format; VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_update_rigidity(
     tile: vrtm_tile,
@@ -182,8 +174,6 @@ pub unsafe extern "C" fn vrtm_tile_update_rigidity(
 /// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null removes it. A tile without one has the
 /// mask of the vertices (vrtm_asset_set_vertex_mask), and without that, too, all may move: the default. In other
 /// respects as vrtm_tile_set_rigidity.
-///
-/// Errors: those of vrtm_tile_set_rigidity.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_set_mask(tile: vrtm_tile, mask: *const vrtm_image) -> vrtm_status {
     guard("vrtm_tile_set_mask", || {
@@ -198,8 +188,7 @@ pub unsafe extern "C" fn vrtm_tile_set_mask(tile: vrtm_tile, mask: *const vrtm_i
 /// a map (vrtm_tile_set_rigidity) has that of its map, in whatever order the two are set. Null removes the values and
 /// leaves the maps. Without a map, the grid is chosen in the same way, up to 1024 x 1024 cells.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
-/// value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_set_vertex_rigidity(
     asset: vrtm_asset,
@@ -233,7 +222,7 @@ pub unsafe extern "C" fn vrtm_asset_set_vertex_mask(
 
 /// Sets a tile's settings, for all of its layers. Null: all defaults.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.
+/// Errors: VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_set_settings(
     tile: vrtm_tile,
@@ -250,8 +239,7 @@ pub unsafe extern "C" fn vrtm_tile_set_settings(
 
 /// Gets a tile's settings, as set or the defaults. The struct can be passed to vrtm_tile_set_settings unchanged.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `settings` is null or has a wrong struct_size;
-/// VRTM_ERROR_BUSY.
+/// Errors: VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_settings(
     tile: vrtm_tile,
@@ -266,7 +254,7 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
 
 /// Freezes a tile (1) or unfreezes it (0): solves skip a frozen tile, so that it keeps its result, if it has one.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `frozen` is neither 0 nor 1; VRTM_ERROR_BUSY.
+/// Errors: VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_freeze(tile: vrtm_tile, frozen: u32) -> vrtm_status {
     guard("vrtm_tile_freeze", || {
