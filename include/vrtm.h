@@ -241,7 +241,7 @@ typedef struct vrtm_carrier {
 // The number format of an array's components.
 typedef int32_t vrtm_scalar;
 
-// 32-bit float; the default.
+// 32-bit float. The default.
 #define VRTM_SCALAR_F32 0
 
 // 64-bit float.
@@ -250,7 +250,7 @@ typedef int32_t vrtm_scalar;
 // The number format of an image's channels.
 typedef int32_t vrtm_pixel_format;
 
-// 32-bit float; the default.
+// 32-bit float. The default.
 #define VRTM_PIXEL_F32 0
 
 // 16-bit float (IEEE half).
@@ -265,7 +265,7 @@ typedef int32_t vrtm_pixel_format;
 // Side of the tile at which the first row of an image lies.
 typedef int32_t vrtm_origin;
 
-// The first row is at v = 1, as in image files; the default.
+// The first row is at v = 1, as in image files. The default.
 #define VRTM_ORIGIN_TOP 0
 
 // The first row is at v = 0, as in OpenGL textures.

@@ -6,7 +6,7 @@ use super::handle::{self, Kind, Table, vrtm_asset, vrtm_carrier};
 use super::mirror::{Mirror, choice, mirror};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::strips::{Strips, check_apart};
-use super::types::{VRTM_SCALAR_F64, strided, vrtm_array, vrtm_array_out, vrtm_carried};
+use super::types::{strided, vrtm_array, vrtm_array_out, vrtm_carried};
 use vrtm::{Bind, Carried, Carrier, CarrierInfo, CarrierSettings, Fit, PointState};
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::Error;
@@ -287,7 +287,7 @@ unsafe fn destination<'a>(
     };
     // SAFETY: the host vouches for the memory.
     unsafe { of_points(&raw const input, components, name) }?;
-    let scalar = if array.format == VRTM_SCALAR_F64 { Scalar::F64 } else { Scalar::F32 };
+    let scalar = Scalar::from_c(array.format, &format!("{name}.format"))?;
     let size = scalar.size() * components;
     let stride = if array.stride == 0 { size } else { array.stride };
     let steps = [(count, stride), (usize::from(count > 0), stride * count)];

@@ -4,9 +4,12 @@ use super::desc::{self, sized};
 use super::fetch::{fetch_kind, vrtm_fetch_kind};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
+use super::mirror::Mirror;
 use super::status::{Failure, Outcome, vrtm_status};
-use super::types::{origin, pixel_format, vrtm_origin, vrtm_pixel_format};
+use super::types::{vrtm_origin, vrtm_pixel_format};
+use vrtm_core::image::Origin;
 use vrtm_core::image::external::{ExternalHandle, ExternalImage};
+use vrtm_core::image::format::PixelFormat;
 
 /// The kind of handle that a host has exported its memory as.
 pub type vrtm_external_kind = i32;
@@ -71,9 +74,9 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
         offset: image.offset,
         width: image.width,
         height: image.height,
-        format: pixel_format(image.format, name)?,
+        format: PixelFormat::from_c(image.format, &format!("{name}.format"))?,
         row_stride: (image.row_stride != 0).then_some(image.row_stride),
-        origin: origin(image.origin, name)?,
+        origin: Origin::from_c(image.origin, &format!("{name}.origin"))?,
     })
 }
 

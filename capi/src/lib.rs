@@ -29,8 +29,8 @@ pub mod allocator;
 mod shared;
 pub mod handle;
 mod strips;
-pub mod types;
 pub mod mirror;
+pub mod types;
 pub mod adapter;
 pub mod mesh;
 pub mod asset;
@@ -76,6 +76,9 @@ pub const MIRRORED: &[mirror::Struct] = &[
 
 /// Their constants.
 pub const CHOICES: &[mirror::Choice] = &[
+    types::SCALARS,
+    types::PIXEL_FORMATS,
+    types::ORIGINS,
     device::BACKENDS,
     device::LOG_LEVELS,
     device::LOG_CODES,

@@ -4,10 +4,11 @@ use super::desc::{self, sized};
 use super::fetch::{fetch_kind, vrtm_fetch_kind};
 use super::guard::guard_struct;
 use super::handle::{self, vrtm_tile};
-use super::mirror::mirror;
+use super::mirror::{Mirror, mirror};
 use super::status::vrtm_status;
-use super::types::{pixel_format, vrtm_pixel_format};
+use super::types::vrtm_pixel_format;
 use vrtm::{MapDesc, MapReport};
+use vrtm_core::image::format::PixelFormat;
 
 /// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
 #[repr(C)]
@@ -57,7 +58,8 @@ pub unsafe extern "C" fn vrtm_tile_inspect_map(
         let (asset, tile) = handle::tile("tile", tile)?;
         // SAFETY: the host's pointer.
         let desc = unsafe { desc::read(desc, "desc") }?;
-        let (kind, format) = (fetch_kind(desc.kind, "desc.kind")?, pixel_format(desc.format, "desc")?);
+        let (kind, format) =
+            (fetch_kind(desc.kind, "desc.kind")?, PixelFormat::from_c(desc.format, "desc.format")?);
         let desc = MapDesc { kind, format, size: [desc.width, desc.height] };
         Ok(asset.results.tile(tile).inspect_map(&desc)?.into())
     })

@@ -5,8 +5,7 @@
 
 use std::time::Duration;
 
-use super::status::Outcome;
-use super::types::flag;
+use super::status::{Failure, Outcome};
 
 /// A C struct, for the header.
 pub struct Struct {
@@ -70,7 +69,11 @@ impl Mirror<u32> for bool {
     }
 
     fn from_c(value: u32, name: &str) -> Outcome<bool> {
-        flag(value, name)
+        match value {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(Failure::argument(format!("{name} is {value}, neither 0 nor 1"))),
+        }
     }
 }
 
@@ -126,7 +129,7 @@ macro_rules! choice {
                 match value {
                     $($constant => Ok($of::$variant),)*
                     other => {
-                        let kind = stringify!($name).to_uppercase();
+                        let kind = [$(stringify!($constant)),*][0].rsplit_once('_').map_or("", |(kind, _)| kind);
                         Err($crate::status::Failure::argument(format!("{name} is {other}, no {kind}_ value")))
                     }
                 }

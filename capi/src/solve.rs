@@ -8,10 +8,10 @@ use super::desc::{self, User};
 use super::fetch::{Wanted, vrtm_fetch};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
-use super::mirror::{choice, mirror};
+use super::mirror::{Mirror, choice, mirror};
 use super::shared::SharedAsset;
 use super::status::{Outcome, vrtm_status};
-use super::types::{flag, strided, strided_and_span, vrtm_array};
+use super::types::{strided, strided_and_span, vrtm_array};
 use vrtm::{Fetch, SolveRequest};
 use vrtm_core::allocation::Vec;
 use vrtm_core::control::Control;
@@ -135,7 +135,7 @@ impl<'a> CheckedOptions<'a> {
             dirty_vertices,
             release_last: from.release & VRTM_RELEASE_RESULTS != 0,
             release_solvers: from.release & VRTM_RELEASE_SOLVERS != 0,
-            replace: flag(from.replace, "options.replace")?,
+            replace: bool::from_c(from.replace, "options.replace")?,
             control: Arc::new(control),
         })
     }

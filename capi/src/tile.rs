@@ -3,9 +3,9 @@
 use super::desc;
 use super::guard::{guard, guard_struct, guard_value};
 use super::handle::{self, vrtm_asset, vrtm_tile};
-use super::mirror::{choice, mirror};
+use super::mirror::{Mirror, choice, mirror};
 use super::status::{Failure, vrtm_status};
-use super::types::{flag, image_or_none, strided_or_none, vrtm_array, vrtm_image};
+use super::types::{image_or_none, strided_or_none, vrtm_array, vrtm_image};
 use vrtm_core::report::TileInfo;
 use vrtm_core::settings::{OpenBorders, Overlap, Seams, TileSettings};
 
@@ -259,7 +259,7 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
 pub unsafe extern "C" fn vrtm_tile_freeze(tile: vrtm_tile, frozen: u32) -> vrtm_status {
     guard("vrtm_tile_freeze", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        let frozen = flag(frozen, "frozen")?;
+        let frozen = bool::from_c(frozen, "frozen")?;
         asset.write(|asset| Ok(asset.tile_mut(tile).freeze(frozen)?))
     })
 }

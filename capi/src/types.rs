@@ -4,6 +4,7 @@ use std::ffi::c_void;
 use std::ops::Range;
 
 use super::desc::{self, sized};
+use super::mirror::{Mirror, choice};
 use super::status::{Failure, Outcome};
 use super::strips::Strips;
 use vrtm::FetchKind;
@@ -11,12 +12,19 @@ use vrtm_core::image::format::PixelFormat;
 use vrtm_core::image::{ImageLayout, ImageView, ImageViewMut, Origin, TexelLayout};
 use vrtm_core::view::{Scalar, Strided};
 
-/// The number format of an array's components.
-pub type vrtm_scalar = i32;
-/// 32-bit float; the default.
-pub const VRTM_SCALAR_F32: vrtm_scalar = 0;
-/// 64-bit float.
-pub const VRTM_SCALAR_F64: vrtm_scalar = 1;
+choice! {
+    SCALARS: vrtm_scalar of Scalar { VRTM_SCALAR_F32 = 0: F32, VRTM_SCALAR_F64 = 1: F64 }
+}
+
+choice! {
+    PIXEL_FORMATS: vrtm_pixel_format of PixelFormat {
+        VRTM_PIXEL_F32 = 0: F32, VRTM_PIXEL_F16 = 1: F16, VRTM_PIXEL_U16 = 2: U16, VRTM_PIXEL_U8 = 3: U8,
+    }
+}
+
+choice! {
+    ORIGINS: vrtm_origin of Origin { VRTM_ORIGIN_TOP = 0: Top, VRTM_ORIGIN_BOTTOM = 1: Bottom }
+}
 
 /// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). The function or field
 /// that takes the array determines the number of components per element: 3 for positions (a fourth, as in Maya's
@@ -36,24 +44,6 @@ pub struct vrtm_array {
     /// Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
     pub stride: usize,
 }
-
-/// The number format of an image's channels.
-pub type vrtm_pixel_format = i32;
-/// 32-bit float; the default.
-pub const VRTM_PIXEL_F32: vrtm_pixel_format = 0;
-/// 16-bit float (IEEE half).
-pub const VRTM_PIXEL_F16: vrtm_pixel_format = 1;
-/// 16-bit integer, 0..65535 for 0..1. Inputs only.
-pub const VRTM_PIXEL_U16: vrtm_pixel_format = 2;
-/// 8-bit integer, 0..255 for 0..1. Inputs only.
-pub const VRTM_PIXEL_U8: vrtm_pixel_format = 3;
-
-/// Side of the tile at which the first row of an image lies.
-pub type vrtm_origin = i32;
-/// The first row is at v = 1, as in image files; the default.
-pub const VRTM_ORIGIN_TOP: vrtm_origin = 0;
-/// The first row is at v = 0, as in OpenGL textures.
-pub const VRTM_ORIGIN_BOTTOM: vrtm_origin = 1;
 
 /// An input image with one channel: a rigidity map or a warp mask. It covers the whole tile; texel (x, y) from the
 /// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To use
@@ -146,15 +136,6 @@ pub struct vrtm_carried {
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
 sized!(vrtm_array, vrtm_image, vrtm_image_out, vrtm_array_out, vrtm_carried);
 
-/// Reads a field of a struct that must be 0 or 1.
-pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
-    match value {
-        0 => Ok(false),
-        1 => Ok(true),
-        _ => Err(Failure::argument(format!("{name} is {value}, neither 0 nor 1"))),
-    }
-}
-
 /// A view of a host's array; the host guarantees that the memory it spans is valid.
 pub(super) unsafe fn strided<'a>(
     array: *const vrtm_array,
@@ -183,11 +164,7 @@ pub(super) unsafe fn strided_and_span<'a>(
 ) -> Outcome<(Strided<'a>, Range<usize>)> {
     // SAFETY: the host's pointer.
     let array = unsafe { desc::read(array, name) }?;
-    let scalar = match array.format {
-        VRTM_SCALAR_F32 => Scalar::F32,
-        VRTM_SCALAR_F64 => Scalar::F64,
-        other => return Err(Failure::argument(format!("{name}.format is {other}, no VRTM_SCALAR_ value"))),
-    };
+    let scalar = Scalar::from_c(array.format, &format!("{name}.format"))?;
     ensure!(!array.data.is_null(), "{name}.data is null");
     ensure!(array.count != 0, "{name}.count is 0");
     let element = scalar.size() * components;
@@ -213,26 +190,6 @@ pub(super) unsafe fn strided_and_span<'a>(
     Ok((view, start..start + bytes.len()))
 }
 
-/// Checks the pixel format of the struct that messages call `name`.
-pub(super) fn pixel_format(format: vrtm_pixel_format, name: &str) -> Outcome<PixelFormat> {
-    match format {
-        VRTM_PIXEL_F32 => Ok(PixelFormat::F32),
-        VRTM_PIXEL_F16 => Ok(PixelFormat::F16),
-        VRTM_PIXEL_U16 => Ok(PixelFormat::U16),
-        VRTM_PIXEL_U8 => Ok(PixelFormat::U8),
-        other => Err(Failure::argument(format!("{name}.format is {other}, no VRTM_PIXEL_ value"))),
-    }
-}
-
-/// Checks the origin of the struct that messages call `name`.
-pub(super) fn origin(origin: vrtm_origin, name: &str) -> Outcome<Origin> {
-    match origin {
-        VRTM_ORIGIN_TOP => Ok(Origin::Top),
-        VRTM_ORIGIN_BOTTOM => Ok(Origin::Bottom),
-        other => Err(Failure::argument(format!("{name}.origin is {other}, no VRTM_ORIGIN_ value"))),
-    }
-}
-
 fn layout(
     format: vrtm_pixel_format,
     size: [u32; 2],
@@ -240,8 +197,8 @@ fn layout(
     origin: vrtm_origin,
     name: &str,
 ) -> Outcome<ImageLayout> {
-    let format = pixel_format(format, name)?;
-    let origin = self::origin(origin, name)?;
+    let format = PixelFormat::from_c(format, &format!("{name}.format"))?;
+    let origin = Origin::from_c(origin, &format!("{name}.origin"))?;
     let [width, height] = size;
     // In C, a stride of 0 means packed.
     let [pixel_stride, row_stride] = strides.map(|stride| (stride != 0).then_some(stride));

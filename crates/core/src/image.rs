@@ -13,14 +13,14 @@ use crate::error::{Error, ErrorKind, Result};
 use format::{PixelFormat, decode};
 use map::{Map, TexelRect};
 
-/// The end of the tile at which the first row of an image lies.
+/// Side of the tile at which the first row of an image lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Origin {
-    /// The first row is v = 1, as in image files.
+    /// The first row is at v = 1, as in image files.
     #[default]
     Top,
-    /// The first row is v = 0.
+    /// The first row is at v = 0, as in OpenGL textures.
     Bottom,
 }
 

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 use crate::allocation::Vec;
 use crate::error::{Error, Result};
 
-/// The number format of one component of a host's array.
+/// The number format of an array's components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Scalar {

@@ -10,7 +10,10 @@ use vrtm_capi::mirror::{Choice, Field, Struct};
 use vrtm_capi::{CHOICES, MIRRORED};
 
 /// Files of the Rust API with the mirrored documentation.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 11] = [
+    "crates/core/src/view.rs",
+    "crates/core/src/image.rs",
+    "crates/core/src/image/format.rs",
     "crates/core/src/log.rs",
     "crates/core/src/settings.rs",
     "crates/core/src/report.rs",
@@ -20,6 +23,10 @@ const SOURCES: [&str; 8] = [
     "crates/carry/src/bind.rs",
     "crates/carry/src/course.rs",
 ];
+
+/// Choices that no setting has.
+const NO_SETTINGS: [&str; 7] =
+    ["Backend", "LogLevel", "LogCode", "PointState", "Scalar", "PixelFormat", "Origin"];
 
 /// Names of Rust for items with another place in C.
 const OTHER_NAMES: [(&str, &str); 6] = [
@@ -174,10 +181,7 @@ impl Words {
                 text += &format!("| `{}` | {} |\n", field.name, self.comment(of, field)?);
             }
         }
-        for choice in CHOICES
-            .iter()
-            .filter(|choice| !["Backend", "LogLevel", "LogCode", "PointState"].contains(&choice.of))
-        {
+        for choice in CHOICES.iter().filter(|choice| !NO_SETTINGS.contains(&choice.of)) {
             text += &format!("\n## {}\n\n", choice.name);
             text += &format!(
                 "{}\n\n| value | meaning |\n|---|---|\n",

@@ -2,15 +2,15 @@
 
 use half::f16;
 
-/// The number format of one channel.
+/// The number format of an image's channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PixelFormat {
-    /// 8-bit, 0..255 for 0..1. Input only.
+    /// 8-bit integer, 0..255 for 0..1. Inputs only.
     U8,
-    /// 16-bit, 0..65535 for 0..1. Input only.
+    /// 16-bit integer, 0..65535 for 0..1. Inputs only.
     U16,
-    /// 16-bit float.
+    /// 16-bit float (IEEE half).
     F16,
     /// 32-bit float.
     F32,
