@@ -74,9 +74,6 @@ pub mod shared {
         LAST_STEP: usize = 6;
         /// The displacement before the step (2), while the step is tried.
         U_BEFORE: usize = 0;
-        /// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these
-        /// levels.
-        SCRATCH: usize = 7;
 
         /// Quantities that are summed per block.
         SUMS: u32 = 12;
