@@ -194,15 +194,13 @@ const char *vrtm_last_error(void);
 
 /* ---- Handles ---- */
 
-// A device: where assets are solved. Created by vrtm_device_create, destroyed by vrtm_device_destroy. Zero = no
-// device.
+// A device: where assets are solved. Zero = no device.
 typedef struct vrtm_device {
     // Opaque.
     uint64_t id;
 } vrtm_device;
 
-// An asset: one mesh with its tiles, their maps, settings and results. Created by vrtm_asset_create, destroyed by
-// vrtm_asset_destroy. Zero = no asset.
+// An asset: one mesh with its tiles, their maps, settings and results. Zero = no asset.
 typedef struct vrtm_asset {
     // Opaque.
     uint64_t id;
@@ -215,22 +213,19 @@ typedef struct vrtm_tile {
     uint64_t id;
 } vrtm_tile;
 
-// A job: one solve that runs beside the host's own work. Created by vrtm_asset_submit, destroyed by vrtm_job_destroy.
-// Zero = no job.
+// A job: one solve that runs beside the host's own work, made by vrtm_asset_submit. Zero = no job.
 typedef struct vrtm_job {
     // Opaque.
     uint64_t id;
 } vrtm_job;
 
-// A refinement: an asset's mesh with its triangles split, for hosts that support only UV sets. Created by
-// vrtm_refinement_create, destroyed by vrtm_refinement_destroy. Zero = no refinement.
+// A refinement: an asset's mesh with its triangles split, for hosts that support only UV sets. Zero = no refinement.
 typedef struct vrtm_refinement {
     // Opaque.
     uint64_t id;
 } vrtm_refinement;
 
-// A carrier: points bound to an asset's rest surface, which its solves move along. Created by vrtm_carrier_create,
-// destroyed by vrtm_carrier_destroy. Zero = no carrier.
+// A carrier: points bound to an asset's rest surface, which its solves move along. Zero = no carrier.
 typedef struct vrtm_carrier {
     // Opaque.
     uint64_t id;

@@ -18,8 +18,7 @@ use super::status::{Failure, Outcome, VRTM_ERROR_INVALID_HANDLE, VRTM_ERROR_OUT_
 use vrtm::{Asset, Device};
 use vrtm_core::panics::lock;
 
-/// A device: where assets are solved. Created by vrtm_device_create, destroyed by vrtm_device_destroy. Zero = no
-/// device.
+/// A device: where assets are solved. Zero = no device.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_device {
@@ -27,8 +26,7 @@ pub struct vrtm_device {
     pub id: u64,
 }
 
-/// An asset: one mesh with its tiles, their maps, settings and results. Created by vrtm_asset_create, destroyed by
-/// vrtm_asset_destroy. Zero = no asset.
+/// An asset: one mesh with its tiles, their maps, settings and results. Zero = no asset.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_asset {
@@ -45,8 +43,7 @@ pub struct vrtm_tile {
     pub id: u64,
 }
 
-/// A job: one solve that runs beside the host's own work. Created by vrtm_asset_submit, destroyed by vrtm_job_destroy.
-/// Zero = no job.
+/// A job: one solve that runs beside the host's own work, made by vrtm_asset_submit. Zero = no job.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_job {
@@ -54,8 +51,7 @@ pub struct vrtm_job {
     pub id: u64,
 }
 
-/// A refinement: an asset's mesh with its triangles split, for hosts that support only UV sets. Created by
-/// vrtm_refinement_create, destroyed by vrtm_refinement_destroy. Zero = no refinement.
+/// A refinement: an asset's mesh with its triangles split, for hosts that support only UV sets. Zero = no refinement.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_refinement {
@@ -63,8 +59,7 @@ pub struct vrtm_refinement {
     pub id: u64,
 }
 
-/// A carrier: points bound to an asset's rest surface, which its solves move along. Created by vrtm_carrier_create,
-/// destroyed by vrtm_carrier_destroy. Zero = no carrier.
+/// A carrier: points bound to an asset's rest surface, which its solves move along. Zero = no carrier.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_carrier {
