@@ -60,8 +60,7 @@ impl Asset {
     /// Reads a mesh. Everything is copied.
     ///
     /// # Errors
-    /// `InvalidArgument` naming the array and the index: an index out of range, a value that is not finite, counts
-    /// that do not add up, a face with UVs at some corners only, an empty mesh.
+    /// `InvalidArgument` for an empty mesh, and for a face with UVs at some corners only.
     pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
         device.alive()?;
         device.call(|| {

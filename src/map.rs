@@ -69,8 +69,7 @@ impl FetchKind {
         }
     }
 
-    /// # Errors
-    /// `InvalidArgument` naming `name` if an image of this kind cannot have this many channels.
+    /// Refuses a number of channels that an image of this kind cannot have; `name` is the image's.
     #[doc(hidden)]
     pub fn check_channels(self, name: impl Display, channels: u32) -> Result<()> {
         let all = self.all_channels();

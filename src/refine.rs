@@ -85,7 +85,7 @@ impl Results {
     /// refinement depends on the results and the settings alone.
     ///
     /// # Errors
-    /// `NotSolved`; `InvalidArgument` for an unknown UV set or a tolerance out of range; `OutOfMemory`.
+    /// `NotSolved` before the first solve.
     pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
         let RefinementSettings { uv_set, tolerance, max_triangles } = *settings;
         let (device, mesh) = (self.device(), self.mesh());
@@ -133,9 +133,6 @@ impl Refinement {
     /// The redirected UV of each corner of the refined mesh in the present results, with the tile's offset added; 0, 0
     /// at corners of faces without UVs. At corners of the mesh they are bit-identical to those of
     /// [`Results::corner_uvs`].
-    ///
-    /// # Errors
-    /// `InvalidArgument` if the length is not the number of corners of the refined mesh; `OutOfMemory`, `DeviceLost`.
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
         self.check("uvs", out.len(), self.info.corners, "corners")?;
         self.results.device().call(|| {

@@ -225,8 +225,7 @@ impl Results {
     /// Binds points to the rest surface. Nothing is kept of the arrays given.
     ///
     /// # Errors
-    /// `InvalidArgument` naming the array, and the index, for a wrong count or a value that is not finite, corners
-    /// that are not of one face, and an unknown UV set; `OutOfMemory`.
+    /// `InvalidArgument` for corners that are not of one face.
     pub fn carrier(&self, settings: &CarrierSettings) -> Result<Carrier> {
         let mesh = self.mesh();
         mesh.check_uv_set(settings.uv_set)?;
@@ -300,9 +299,7 @@ impl Carrier {
     /// depend on the number of threads.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve after the carrier was made, which is the first one to keep its pose;
-    /// `InvalidArgument` if an array has another number of elements or components; `OutOfMemory`, `DeviceLost`.
-    /// Nothing is written then.
+    /// `NotSolved` before the first solve after the carrier was made, which is the first one to keep its pose.
     pub fn fetch(&self, out: &Carried) -> Result<()> {
         self.check(out, "")?;
         let results = self.results();

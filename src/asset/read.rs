@@ -56,7 +56,7 @@ impl Tile<'_> {
     /// Writes one output of its result.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
+    /// `NotSolved` before the first solve.
     pub fn fetch(&self, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
         kind.check_channels("image", image.layout.channels)?;
         let device = self.results.device();
@@ -72,10 +72,6 @@ impl Tile<'_> {
     /// texel that shows what the surface shows there; for all other texels their own centre. The fourth channel, if the
     /// image has one, is 1 in charts and where a UV was found, and 0 elsewhere. It depends on the rest pose and the UVs
     /// alone, and needs no solve. Two to four channels.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a reach out of range or an impossible number of channels; `OutOfMemory`.
-    /// Nothing is written then.
     pub fn fetch_dilation(&self, reach: f64, image: &mut ImageViewMut) -> Result<()> {
         let Tile { results, index } = *self;
         let (device, mesh) = (results.device(), results.mesh());
@@ -97,8 +93,7 @@ impl Tile<'_> {
     ///
     /// # Errors
     /// `NotSolved` before the first solve; `Unsupported` on the CPU, for kinds other than redirections, and for memory
-    /// that this GPU does not import; `InvalidArgument`, naming the field, for a layout that does not fit;
-    /// `OutOfMemory`. In all of these cases nothing is written. `DeviceLost`: the texels are undefined.
+    /// that this GPU does not import. After `DeviceLost` the texels are undefined.
     ///
     /// # Safety
     /// The handle refers to memory as the image describes it, and during the call no other program or device uses the
@@ -113,8 +108,8 @@ impl Tile<'_> {
     /// bilinear interpolation, and how far it is from the redirection. Computed on the CPU.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve; `InvalidArgument` for another kind than a redirection or an impossible size;
-    /// `Unsupported` for integer formats; `OutOfMemory`; on a GPU `DeviceLost`.
+    /// `NotSolved` before the first solve; `InvalidArgument` for another kind than a redirection; `Unsupported` for
+    /// integer formats.
     pub fn inspect_map(&self, desc: &MapDesc) -> Result<MapReport> {
         let device = self.results.device();
         device.call(|| {

@@ -112,9 +112,6 @@ impl Results {
 
     /// The layer of each face in a UV set: which of the tiles with its UDIM number it belongs to; 0 for a face in no
     /// tile.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for an unknown UV set, or if the length is not the number of faces.
     pub fn face_layers(&self, uv_set: u32, out: &mut [u32]) -> Result<()> {
         let mesh = &self.0.mesh;
         mesh.check_uv_set(uv_set)?;
@@ -177,7 +174,7 @@ impl Results {
     /// of faces without UVs. In tiles that have not been solved yet, they are the mesh's own UVs.
     ///
     /// # Errors
-    /// `NotSolved`; `InvalidArgument` for an unknown UV set, or if the length is not the number of corners.
+    /// `NotSolved` before the first solve.
     pub fn corner_uvs(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         let Shared { device, mesh, .. } = &*self.0;
         mesh.check_uv_set(uv_set)?;

@@ -36,10 +36,6 @@ const PREPARING: f32 = 0.3;
 
 impl Asset {
     /// Solves every tile for a pose.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result is
-    /// kept.
     pub fn solve(&mut self, positions: Strided, options: &SolveOptions) -> Result<()> {
         self.redirect(positions, options, &mut [])
     }
@@ -47,7 +43,7 @@ impl Asset {
     /// Solves and fetches in one call: all arguments are checked before anything is written.
     ///
     /// # Errors
-    /// Those of [`Asset::solve`] and [`crate::Tile::fetch`].
+    /// Those of [`crate::Tile::fetch`].
     pub fn redirect(
         &mut self,
         positions: Strided,
@@ -61,8 +57,7 @@ impl Asset {
     /// cancelled until all tiles are solved; the outputs are then always written to the end.
     ///
     /// # Errors
-    /// `InvalidArgument` for a wrong count, a position that is not finite, an unknown tile or vertex; `Cancelled`;
-    /// `OutOfMemory`; those of [`crate::Tile::fetch`]. The last good results are kept.
+    /// `Cancelled`; those of [`crate::Tile::fetch`].
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
         let start = (self.clock)();
         request.check(&self.device, &self.mesh.info)?;

@@ -25,17 +25,11 @@ pub struct TileMut<'a> {
 
 impl TileMut<'_> {
     /// Facts that need no solve. Builds the grid if a map or setting changed.
-    ///
-    /// # Errors
-    /// `OutOfMemory`.
     pub fn info(&mut self) -> Result<TileInfo> {
         self.on_tile(TileState::info)
     }
 
     /// Cells of the grid in u and v that it has with its present rigidity and settings. The tile is not prepared.
-    ///
-    /// # Errors
-    /// `OutOfMemory`.
     pub fn grid(&mut self) -> Result<[u32; 2]> {
         let (Asset { device, mesh, given, .. }, tile) = self.checked()?;
         device.call(|| {
@@ -58,9 +52,6 @@ impl TileMut<'_> {
 
     /// The tile, prepared with its present maps and settings, as bytes that [`TileMut::load`] takes on another
     /// machine.
-    ///
-    /// # Errors
-    /// `OutOfMemory`.
     ///
     /// # Example
     /// ```
@@ -98,17 +89,11 @@ impl TileMut<'_> {
     }
 
     /// Bytes that [`TileMut::save_to`] writes. Prepares the tile if necessary.
-    ///
-    /// # Errors
-    /// Those of [`TileMut::save`].
     pub fn saved_size(&mut self) -> Result<usize> {
         self.on_tile(TileState::saved_size)
     }
 
     /// Writes the bytes of [`TileMut::save`] to the start of `out`; returns their number.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `out` is too small; those of [`TileMut::save`].
     pub fn save_to(&mut self, out: &mut [u8]) -> Result<usize> {
         let size = self.saved_size()?;
         let given = out.len();
@@ -123,8 +108,7 @@ impl TileMut<'_> {
     /// set as they were when it was saved: the bytes hold what was derived from the maps, not the maps themselves.
     ///
     /// # Errors
-    /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting;
-    /// `OutOfMemory`. The tile is then unchanged.
+    /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting.
     pub fn load(&mut self, data: &[u8]) -> Result<()> {
         self.on_tile(|state, call| state.load(call, data))
     }
@@ -132,18 +116,12 @@ impl TileMut<'_> {
     /// Sets its rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has
     /// none, the rigidity of the vertices counts ([`Asset::set_vertex_rigidity`]); without that, too, the tile is the
     /// identity.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a value that is not finite.
     pub fn set_rigidity(&mut self, image: Option<ImageView>) -> Result<()> {
         self.set_map("rigidity", Which::Rigidity, image)
     }
 
     /// Sets its warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile
     /// has none, the mask of the vertices counts ([`Asset::set_vertex_mask`]); without that, too, all may move.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a value that is not finite.
     pub fn set_mask(&mut self, image: Option<ImageView>) -> Result<()> {
         self.set_map("mask", Which::Mask, image)
     }
@@ -161,8 +139,7 @@ impl TileMut<'_> {
     /// takes far less time than setting the whole map.
     ///
     /// # Errors
-    /// `InvalidArgument` if no map of this size and format was set, if the part is empty or not inside of it, or for a
-    /// value that is not finite.
+    /// `InvalidArgument` if no map of this size and format was set.
     pub fn update_rigidity(&mut self, image: ImageView, first: [u32; 2], size: [u32; 2]) -> Result<()> {
         let (Asset { device, mesh, given, .. }, tile) = self.checked()?;
         let texels = image.rect("rigidity", first, size)?;
@@ -182,9 +159,6 @@ impl TileMut<'_> {
     }
 
     /// Sets the settings, for all of its layers.
-    ///
-    /// # Errors
-    /// `InvalidArgument` naming the field.
     pub fn set_settings(&mut self, settings: &TileSettings) -> Result<()> {
         let (asset, tile) = self.checked()?;
         settings.check()?;
@@ -253,9 +227,6 @@ impl Asset {
 
     /// Sets the rigidity of all vertices, linear over each triangle, for the tiles that have no map of their own
     /// ([`TileMut::set_rigidity`]), in whatever order both are set; `None` removes it.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_rigidity(&mut self, values: Option<Strided>) -> Result<()> {
         self.set_of_vertices("rigidity", Which::Rigidity, values)
     }
@@ -263,9 +234,6 @@ impl Asset {
     /// Sets the mask of all vertices, linear over each triangle, for the tiles that have no mask of their own
     /// ([`TileMut::set_mask`]), in whatever order both are set: nodes within half a cell of a value under 0.5 do not
     /// move; `None` removes it.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_mask(&mut self, values: Option<Strided>) -> Result<()> {
         self.set_of_vertices("mask", Which::Mask, values)
     }

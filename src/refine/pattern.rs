@@ -33,9 +33,6 @@ pub struct RefinementPattern<'a> {
 
 impl Refinement {
     /// Writes the pattern.
-    ///
-    /// # Errors
-    /// `InvalidArgument`, naming the array, if its length differs from [`Refinement::info`]; nothing is written then.
     pub fn pattern(&self, pattern: &mut RefinementPattern) -> Result<()> {
         let info = self.info();
         let check = |name, given: Option<usize>, needed, of| {

@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-/// The kinds of failure, the same as the C API's `vrtm_status`.
+/// The kinds of failure, the same as the C API's `vrtm_status`. Any function that returns errors may return
+/// `InvalidArgument` and `OutOfMemory`, and with a GPU `DeviceLost`; which else, and when, stands at the function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// An argument is out of its documented range; the message names it.
+    /// An argument is out of its documented range, of a wrong length, or not finite; the message names it.
     InvalidArgument,
     /// The requested backend, format or combination is not available in this build or on this machine.
     Unsupported,

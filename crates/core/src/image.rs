@@ -65,9 +65,6 @@ impl ImageLayout {
     }
 
     /// Checks the layout for `channels` channels per texel.
-    ///
-    /// # Errors
-    /// `InvalidArgument` naming `name` for a zero size or a stride smaller than what it spans.
     #[doc(hidden)]
     pub fn resolve(&self, name: &str, channels: u32) -> Result<TexelLayout> {
         self.resolve_within(name, channels, isize::MAX as usize)
@@ -179,9 +176,6 @@ pub struct ImageView<'a> {
 
 impl<'a> ImageView<'a> {
     /// A view of `bytes`; `name` is the argument's name, for messages.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a zero size, a short stride or too few bytes.
     pub fn new(name: &str, bytes: &'a [u8], layout: ImageLayout) -> Result<ImageView<'a>> {
         let layout = layout.resolve(name, 1)?;
         layout.check_bytes(name, bytes.len())?;
@@ -298,8 +292,7 @@ impl<'a> ImageViewMut<'a> {
     /// alone.
     ///
     /// # Errors
-    /// `InvalidArgument` for a zero size, a short stride, channels that are not 1 to 4, or too few bytes; `Unsupported`
-    /// for integer formats.
+    /// `Unsupported` for integer formats.
     pub fn new(name: &str, bytes: &'a mut [u8], layout: ImageLayout) -> Result<ImageViewMut<'a>> {
         // SAFETY: the bytes are borrowed for as long as the view lives, and their number is checked here.
         let view = unsafe { ImageViewMut::from_raw(name, bytes.as_mut_ptr(), layout) }?;
@@ -308,9 +301,6 @@ impl<'a> ImageViewMut<'a> {
     }
 
     /// A view of the image whose first row begins at `data`.
-    ///
-    /// # Errors
-    /// Those of [`ImageViewMut::new`], except for too few bytes.
     ///
     /// # Safety
     /// While the view is in use, nothing else may access the texels; the bytes between them may belong to anyone.
@@ -330,9 +320,6 @@ impl<'a> ImageViewMut<'a> {
     /// Makes this view a part of a larger image of `size` texels, beginning at the column and row `first`, counted in
     /// the image's own order. Large outputs can thus be fetched in bands; on the CPU the parts are bit-identical to the
     /// whole image.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if the part is not inside of the whole.
     pub fn part_of(mut self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<ImageViewMut<'a>> {
         let own = self.part.extent();
         let [size, first] = [size, first].map(|pair| pair.map(|x| x as usize));

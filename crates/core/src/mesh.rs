@@ -320,8 +320,7 @@ pub struct RawTriangle {
 }
 
 impl Mesh {
-    /// # Errors
-    /// `InvalidArgument` for an unknown UV set.
+    /// Refuses an unknown UV set.
     pub fn check_uv_set(&self, uv_set: u32) -> Result<()> {
         let sets = self.corners.len();
         if (uv_set as usize) < sets {

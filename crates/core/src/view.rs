@@ -85,9 +85,6 @@ impl Default for Strided<'_> {
 impl<'a> Strided<'a> {
     /// A view of raw bytes. `name` is the argument's name in error messages. `stride` 0 means tightly packed.
     ///
-    /// # Errors
-    /// `InvalidArgument` if the stride is smaller than an element or the bytes do not hold `count` elements.
-    ///
     /// # Example
     /// Positions among the other values of a vertex:
     ///
@@ -268,9 +265,6 @@ unsafe impl Send for StridedMut<'_> {}
 
 impl<'a> StridedMut<'a> {
     /// A view of raw bytes, as with [`Strided::new`].
-    ///
-    /// # Errors
-    /// Those of [`Strided::new`].
     pub fn new(
         name: &str,
         bytes: &'a mut [u8],

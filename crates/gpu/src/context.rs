@@ -236,9 +236,6 @@ impl Context {
     }
 
     /// Creates a buffer of at least `size` bytes, all zero.
-    ///
-    /// # Errors
-    /// `OutOfMemory` with the label and the bytes, also if the GPU has no buffers of that size; `DeviceLost`.
     pub fn buffer(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         let short = |why: &str| {
             Error::new(ErrorKind::OutOfMemory, format!("{label}: {size} bytes on the GPU: {why}"))

@@ -64,9 +64,6 @@ impl<'a> Uploader<'a> {
     }
 
     /// Writes to a buffer, from an offset on.
-    ///
-    /// # Errors
-    /// Those of waiting for the GPU.
     pub fn write(&self, buffer: &wgpu::Buffer, first: u64, bytes: &[u8]) -> Result<()> {
         // Written bytes wait in host memory until they are submitted; writing in portions limits them.
         for (n, part) in bytes.chunks(MAX_UNSUBMITTED).enumerate() {

@@ -52,9 +52,6 @@ fn layout<T: sealed::Texel>(name: &str, count: usize, [width, height]: [u32; 2])
 impl<'a> ImageView<'a> {
     /// A view of the texels of a map, row by row, with the first row at v = 1. `size` is its width and height; `name`
     /// is the argument's name, for messages.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a zero size, or another number of texels.
     pub fn from_texels<T: InputTexel>(name: &str, texels: &'a [T], size: [u32; 2]) -> Result<ImageView<'a>> {
         ImageView::new(name, as_bytes(texels), layout::<T>(name, texels.len(), size)?)
     }
@@ -70,9 +67,6 @@ impl<'a> ImageView<'a> {
 impl<'a> ImageViewMut<'a> {
     /// A view of texels that a map is to be written to, row by row, with the first row at v = 1. `size` is its width
     /// and height; `name` is the argument's name, for messages.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a zero size, or another number of texels.
     ///
     /// # Example
     /// A square in its rest pose: each texel of the redirection has the UV of its own centre.
