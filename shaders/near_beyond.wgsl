@@ -1,12 +1,5 @@
 // For slopes.wgsl, at the nodes of a patch: their neighbours are in the patch or one node beyond it.
 
-/// Displacement, sample and triangle of a node.
-struct NearNode {
-    u: vec2f,
-    value: vec3f,
-    triangle: u32,
-}
-
 /// Node n of block b, from (-2, -2) to (17, 17): from the patch, or from the state one node beyond its halo.
 fn near_node(b: u32, n: vec2i) -> NearNode {
     let w = n + 1;

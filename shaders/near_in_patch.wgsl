@@ -1,12 +1,5 @@
 // For slopes.wgsl, at the nodes of a block: their neighbours are in its patch.
 
-/// Displacement, sample and triangle of a node.
-struct NearNode {
-    u: vec2f,
-    value: vec3f,
-    triangle: u32,
-}
-
 /// Node n of block b, from (-1, -1) to (16, 16).
 fn near_node(b: u32, n: vec2i) -> NearNode {
     let at = place(u32(n.x + 1), u32(n.y + 1));

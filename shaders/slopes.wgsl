@@ -3,6 +3,13 @@
 // file before this one says where these are found: in the patch (near_in_patch.wgsl), or also one node beyond its halo
 // (near_beyond.wgsl).
 
+/// Displacement, sample and triangle of a node.
+struct NearNode {
+    u: vec2f,
+    value: vec3f,
+    triangle: u32,
+}
+
 /// The slopes at node n of block b, a movable node of its patch from (-1, -1) to (16, 16), with displacement u on
 /// triangle t. They are the matrix S with S dW = dF, where dW and dF are the differences between the two neighbours on
 /// each axis. On level 0 a small part of the tangents is mixed in; if all of these nodes lie on one triangle, the
