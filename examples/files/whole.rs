@@ -36,9 +36,6 @@ impl Drop for Whole {
 }
 
 /// Writes a whole file.
-///
-/// # Errors
-/// The system's message, naming the file.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let written = Whole::create(path).and_then(|(whole, mut file)| {
         file.write_all(bytes)?;

@@ -83,9 +83,6 @@ impl Model {
     }
 
     /// Charts that lie over one another come into up to so many layers.
-    ///
-    /// # Errors
-    /// A missing or invalid file, naming it.
     pub fn layered(files: &Files, choice: &Choice, layers: u32) -> Result<Model> {
         let Opened { source, contents, numbers, pictures: of_tiles, notice } = match &files.rest {
             Some(path) if gltf::is_gltf(path) => gltf::load(path, files, choice)?,

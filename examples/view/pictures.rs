@@ -32,9 +32,6 @@ impl Pictures {
 }
 
 /// Reads the texture of a tile; `None` if the tile has none. In the path `<UDIM>` stands for the tile's number.
-///
-/// # Errors
-/// A file that cannot be read, naming it.
 pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
     let path = path.replace("<UDIM>", &udim.to_string());
     if !Path::new(&path).exists() {

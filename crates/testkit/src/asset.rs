@@ -40,35 +40,20 @@ pub struct CollarOfChart {
 /// Access for tests and benches to an asset's inner state.
 pub trait Lab {
     /// Displacements of the last result, in cells, row by row from v = 0, (nx + 1) x (ny + 1).
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve.
     fn displacements(&self, tile: usize) -> Result<Vec<[f32; 2]>>;
 
     /// Displacements of the last result, as [`Lab::displacements`] returns them, of each chart by itself: with its
     /// collar, which may lie over other charts.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve.
     fn displacements_of_charts(&self, tile: usize) -> Result<Vec<Vec<[f32; 2]>>>;
 
     /// The collar of each chart in the chart's own plane, as it was solved with: empty unless charts continue
     /// beyond seams. Mirror images beyond open borders are left out.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve.
     fn collars(&self, tile: usize) -> Result<Vec<CollarOfChart>>;
 
     /// The energy of a warp for a pose, computed in f64 by the reference.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a pose that does not fit the mesh.
     fn reference_energy(&self, tile: usize, positions: Strided, u: &[[f64; 2]]) -> Result<f64>;
 
     /// The reference's minimum for a pose, descending from `start` (and, if `thorough`, from the identity too).
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a pose that does not fit the mesh.
     fn reference_minimum(
         &self,
         tile: usize,

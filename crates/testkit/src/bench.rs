@@ -28,9 +28,6 @@ fn at_root() {
 }
 
 /// Writes a file, and its folder if it is not there.
-///
-/// # Errors
-/// A file that cannot be written, by its name.
 pub fn write(path: &Path, text: &str) -> Result<(), String> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let made = folder.map_or(Ok(()), std::fs::create_dir_all);
@@ -38,17 +35,11 @@ pub fn write(path: &Path, text: &str) -> Result<(), String> {
 }
 
 /// Writes the file of an option `--out`, if it is given.
-///
-/// # Errors
-/// A file that cannot be written, by its name.
 pub fn write_out(out: &Option<PathBuf>, text: &str) -> Result<(), String> {
     out.as_ref().map_or(Ok(()), |path| write(path, text))
 }
 
 /// The quality of an option's word.
-///
-/// # Errors
-/// Another word.
 pub fn quality(word: &str) -> Result<Quality, String> {
     match word {
         "draft" => Ok(Quality::Draft),

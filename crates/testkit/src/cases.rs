@@ -20,9 +20,6 @@ pub struct Case {
 }
 
 /// All cases, or those whose names are in `wanted`.
-///
-/// # Errors
-/// An unknown name, or the name of a missing asset.
 pub fn cases(wanted: &[String], grid: u32) -> Result<Vec<Case>, String> {
     let models = models();
     let known = |name: &String| models.iter().any(|model| model.name == *name);

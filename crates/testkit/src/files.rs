@@ -72,9 +72,6 @@ fn load(folder: &Path) -> Model {
 }
 
 /// Writes a model as a folder of an asset, with other frames than its own.
-///
-/// # Errors
-/// A file that cannot be written.
 pub fn save(model: &Model, frames: &[Vec<[f32; 3]>], folder: &Path) -> Result<(), String> {
     crate::save::save(&Scene { poses: frames.to_vec(), ..model.scene() }, &model.name, folder)
 }

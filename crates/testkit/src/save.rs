@@ -9,9 +9,6 @@ use serde_json::{Map, json};
 use crate::scenes::Scene;
 
 /// Writes a scene as the folder of an asset with this name. A file of an earlier asset is replaced.
-///
-/// # Errors
-/// A file that cannot be written.
 pub fn save(scene: &Scene, name: &str, folder: &Path) -> Result<(), String> {
     let fail = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     std::fs::create_dir_all(folder).map_err(|error| fail(folder, &error))?;

@@ -84,9 +84,6 @@ impl<'a> Renderer<'a> {
     }
 
     /// Uploads the tiles' colours.
-    ///
-    /// # Errors
-    /// A size that the GPU does not support.
     pub fn material(&self, colours: &[Levels]) -> Result<wgpu::BindGroup> {
         let (format, side) = (wgpu::TextureFormat::Rgba8UnormSrgb, colours[0][0].len().isqrt() as u32);
         let layers = Layers { format, side, layers: colours.iter().map(bytes_of).collect() };
@@ -98,9 +95,6 @@ impl<'a> Renderer<'a> {
     }
 
     /// Uploads the maps of all tiles at a size.
-    ///
-    /// # Errors
-    /// A size that the GPU does not support, and the errors of vrtm.
     pub fn maps(&self, solved: &Solved, side: u32) -> Result<Maps> {
         let tiles = 0..solved.udims.len();
         let texels = tiles.clone().map(|tile| solved.absolute(tile, side)).collect::<Result<Vec<_>>>()?;
@@ -149,9 +143,6 @@ impl<'a> Renderer<'a> {
     }
 
     /// Draws a frame once other commands are done, and waits for it.
-    ///
-    /// # Errors
-    /// A lost GPU.
     pub fn draw(&self, mut commands: Vec<wgpu::CommandBuffer>, shot: &Shot) -> Result<()> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.record(&mut encoder, shot);
@@ -161,9 +152,6 @@ impl<'a> Renderer<'a> {
     }
 
     /// Draws a frame and reads it: RGBA, first row at the top, alpha 255 where the mesh is.
-    ///
-    /// # Errors
-    /// A lost GPU.
     pub fn picture(&self, shot: &Shot) -> Result<Vec<u8>> {
         let [width, height] = self.size;
         let row = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -188,9 +176,6 @@ impl<'a> Renderer<'a> {
     }
 
     /// Milliseconds per frame over some frames of one submission, from that to completion.
-    ///
-    /// # Errors
-    /// A lost GPU.
     pub fn time(&self, shot: &Shot, frames: u32) -> Result<f64> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for _ in 0..frames {

@@ -28,9 +28,6 @@ pub struct Layers<'a> {
 
 impl Gpu {
     /// Opens an adapter by its number; hardware comes before software.
-    ///
-    /// # Errors
-    /// An unknown number, or an adapter that cannot be opened.
     pub fn open(number: usize) -> Result<Gpu> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = BACKENDS;
@@ -72,9 +69,6 @@ impl Gpu {
     }
 
     /// Checks the size of a texture before it is computed.
-    ///
-    /// # Errors
-    /// A size that the GPU does not support, naming `label`.
     pub fn check(&self, label: &str, side: u32, layers: u32) -> Result<()> {
         let limits = self.device.limits();
         if side <= limits.max_texture_dimension_2d && layers <= limits.max_texture_array_layers {
@@ -87,9 +81,6 @@ impl Gpu {
     }
 
     /// Creates a texture and fills it.
-    ///
-    /// # Errors
-    /// A size that the GPU does not support.
     pub fn upload(&self, label: &str, layers: &Layers) -> Result<wgpu::TextureView> {
         let count = layers.layers.len() as u32;
         self.check(label, layers.side, count)?;
@@ -178,18 +169,12 @@ impl Gpu {
     }
 
     /// Waits for all submitted work.
-    ///
-    /// # Errors
-    /// A lost GPU.
     pub fn wait(&self) -> Result<()> {
         let all = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None });
         all.map(drop).map_err(|error| format!("{}: {error}", self.name))
     }
 
     /// Reads a buffer that can be mapped.
-    ///
-    /// # Errors
-    /// A lost GPU.
     pub fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
         buffer.map_async(wgpu::MapMode::Read, .., |_| {});
         self.wait()?;

@@ -67,9 +67,6 @@ pub fn settings(gpu: &Gpu) -> DeviceSettings {
 impl<'a> Live<'a> {
     /// A model with textures of these colours, one for each tile of `solved`, drawn in pictures of `size` pixels through
     /// maps of `side` texels.
-    ///
-    /// # Errors
-    /// Sizes that the GPU does not support.
     pub fn new(
         gpu: &'a Gpu,
         model: &Model,
@@ -110,17 +107,11 @@ impl<'a> Live<'a> {
     }
 
     /// Memory of the renderer's device for the maps.
-    ///
-    /// # Errors
-    /// Those of [`SharedMaps::new`].
     pub fn shared(&self) -> Result<Transport> {
         SharedMaps::new(self.gpu, self.side, self.solved.udims.len() as u32).map(Transport::Shared)
     }
 
     /// Solves, inverts and draws a pose.
-    ///
-    /// # Errors
-    /// The errors of vrtm, and a lost GPU.
     pub fn frame(&mut self, positions: &[[f32; 3]], transport: &Transport) -> Result<Times> {
         let start = Instant::now();
         self.solved.solve(positions)?;
@@ -151,9 +142,6 @@ impl<'a> Live<'a> {
     }
 
     /// The last frame's picture.
-    ///
-    /// # Errors
-    /// A lost GPU.
     pub fn picture(&self) -> Result<Vec<u8>> {
         self.renderer.picture(&self.shot())
     }

@@ -18,9 +18,6 @@ pub struct Solved {
 
 impl Solved {
     /// Solves a pose with vrtm's defaults.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn new(model: &Model, positions: &[[f32; 3]], settings: &DeviceSettings) -> Result<Solved> {
         let mut solved = Solved::open(model, settings)?;
         solved.solve(positions)?;
@@ -28,9 +25,6 @@ impl Solved {
     }
 
     /// Makes the asset, without a pose.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn open(model: &Model, settings: &DeviceSettings) -> Result<Solved> {
         let said = |error: vrtm::Error| format!("{}: {error}", model.name);
         let device = Device::new(settings).map_err(said)?;
@@ -49,9 +43,6 @@ impl Solved {
     }
 
     /// Sets the cells on a side of each tile's grid, in place of the library's choice.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn set_grid(&mut self, cells: u32) -> Result<()> {
         let settings = TileSettings { grid: [Some(cells); 2], ..TileSettings::default() };
         let set =
@@ -60,9 +51,6 @@ impl Solved {
     }
 
     /// Solves another pose.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn solve(&mut self, positions: &[[f32; 3]]) -> Result<()> {
         let solved = self.asset.solve(Strided::from_slice(positions), &SolveOptions::default());
         solved.map_err(|error| error.to_string())
@@ -93,18 +81,12 @@ impl Solved {
     }
 
     /// The redirection within the tile, for a texture of rg32float.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn absolute(&self, tile: usize, side: u32) -> Result<Vec<[f32; 2]>> {
         self.fetch(tile, FetchKind::Redirection, [side; 2])
     }
 
     /// The redirection minus the texel's own UV, as bits for a texture of rg16float, with all mip levels. Only the way
     /// that demonstrates why mip levels must not be read needs them.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn delta(&self, tile: usize, side: u32) -> Result<Vec<Vec<[u16; 2]>>> {
         let levels = mips::levels(self.fetch(tile, FetchKind::RedirectionDelta, [side; 2])?, mips::mean_uv);
         let bits = |uv: [f32; 2]| uv.map(|x| f16::from_f32(x).to_bits());
@@ -112,9 +94,6 @@ impl Solved {
     }
 
     /// The redirection minus the texel's own UV, in f16 as the library gives it: bytes of two numbers for each texel.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn half_delta(&self, tile: usize, side: u32) -> Result<Vec<u8>> {
         let mut bytes = vec![0; side as usize * side as usize * 4];
         self.read(tile, FetchKind::RedirectionDelta, &mut bytes, [side; 2], PixelFormat::F16)?;
@@ -122,9 +101,6 @@ impl Solved {
     }
 
     /// The same into memory of a graphics device.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     ///
     /// # Safety
     /// The handle refers to memory as the image describes it, and nothing uses the image's texels during the call.
@@ -135,9 +111,6 @@ impl Solved {
     }
 
     /// The warped position of each node of a tile's grid, and the cells of the grid in u and v.
-    ///
-    /// # Errors
-    /// The errors of vrtm.
     pub fn warp(&self, tile: usize) -> Result<([usize; 2], Vec<[f32; 2]>)> {
         let report = self.asset.tile(tile).report().map_err(|error| error.to_string())?;
         let nodes = self.fetch(tile, FetchKind::Warp, report.grid.map(|cells| cells + 1))?;

@@ -19,17 +19,11 @@ pub struct Model {
 
 impl Model {
     /// A built-in scene.
-    ///
-    /// # Errors
-    /// An unknown name.
     pub fn scene(name: &str) -> Result<Model> {
         Model::load(&Files { scene: Some(name.into()), ..Files::default() })
     }
 
     /// A folder with asset.json, rest.obj, frames.f32 and rigidity maps, as the bake example takes it.
-    ///
-    /// # Errors
-    /// A missing or invalid file.
     pub fn folder(folder: &Path) -> Result<Model> {
         Model::load(&Files { asset: Some(folder.into()), ..Files::default() })
     }
@@ -47,9 +41,6 @@ impl Model {
     }
 
     /// Positions of a frame, numbered from 1.
-    ///
-    /// # Errors
-    /// An unknown frame number.
     pub fn frame(&self, number: usize) -> Result<&[[f32; 3]]> {
         let frame = number.checked_sub(1).and_then(|k| self.frames.get(k));
         frame

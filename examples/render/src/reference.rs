@@ -8,9 +8,6 @@ use super::{Result, fill_rows};
 
 /// A tile's texture, warped, with all its levels. It has twice as many texels on a side, so that the additional
 /// sampling does not soften the painting.
-///
-/// # Errors
-/// The errors of vrtm.
 pub fn warped(solved: &Solved, tile: usize, texture: &Levels) -> Result<Levels> {
     let (cells, nodes) = solved.warp(tile)?;
     let painted = texture[0].len().isqrt();

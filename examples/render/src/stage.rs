@@ -25,9 +25,6 @@ pub struct Stage {
 
 impl Stage {
     /// Solves a frame of a model (numbered from 1), and paints textures of `side` texels, a power of two.
-    ///
-    /// # Errors
-    /// The errors of vrtm; an unknown frame.
     pub fn new(model: &Model, frame: usize, side: usize, settings: &DeviceSettings) -> Result<Stage> {
         let positions = model.frame(frame)?.to_vec();
         let solved = Solved::new(model, &positions, settings)?;
@@ -62,9 +59,6 @@ pub fn shot<'a>(
 
 /// Milliseconds per frame of each shot: medians over rounds in which all shots take turns, so that noise affects all
 /// alike. An additional first round is not counted.
-///
-/// # Errors
-/// A lost GPU.
 pub fn medians(renderer: &Renderer, shots: &[Shot], rounds: usize, frames: u32) -> Result<Vec<f64>> {
     let mut times = vec![Vec::new(); shots.len()];
     for round in 0..=rounds {

@@ -196,9 +196,6 @@ impl Beyond {
     }
 
     /// Copies of textures that go on beyond the seams. Directions of a normal map are turned with the surface.
-    ///
-    /// # Errors
-    /// Those of vrtm.
     pub fn textures(&self, textures: &Textures, are_normals: bool) -> vrtm::Result<Textures> {
         if textures.iter().all(Option::is_none) {
             return Ok(textures.clone());

@@ -79,9 +79,6 @@ impl Picture {
     }
 
     /// Reads the picture, 4 bytes per pixel.
-    ///
-    /// # Errors
-    /// A lost GPU.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<u8>, String> {
         let [width, height] = self.size;
         let row = (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);

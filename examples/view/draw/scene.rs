@@ -44,9 +44,6 @@ pub struct Tile {
 
 impl Scene {
     /// Textures reach so far over the seams.
-    ///
-    /// # Errors
-    /// Those of vrtm, with a reach.
     pub fn new(
         gpu: &Gpu,
         model: &Model,

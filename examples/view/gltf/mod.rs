@@ -73,9 +73,6 @@ pub fn is_gltf(path: &Path) -> bool {
 }
 
 /// Opens a file.
-///
-/// # Errors
-/// A file that cannot be read, or that has no such part, naming it.
 pub fn load(path: &Path, files: &Files, choice: &Choice) -> Result<Opened> {
     if !files.pose.is_empty() {
         return Err(Failure::named("--pose", format!("{} has its own poses", path.display())));

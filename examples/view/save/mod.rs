@@ -7,9 +7,6 @@ pub mod file;
 pub mod rigidity;
 
 /// A PNG in memory; values of 16 bits are those of the machine.
-///
-/// # Errors
-/// Those of the encoder.
 pub fn encode(
     [width, height]: [u32; 2],
     kind: ExtendedColorType,

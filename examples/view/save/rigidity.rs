@@ -28,9 +28,6 @@ pub fn pattern(path: &str) -> String {
 }
 
 /// Writes all maps, with as many bits as those that were opened.
-///
-/// # Errors
-/// What the system says, naming the file.
 pub fn save(paths: &[PathBuf], canvases: &[Canvas]) -> Result<(), String> {
     for (path, canvas) in paths.iter().zip(canvases) {
         let bytes = encoded(canvas).map_err(|error| format!("{}: {error}", path.display()))?;
