@@ -208,18 +208,6 @@ impl<T: Clone> From<&[T]> for Vec<T> {
     }
 }
 
-impl<T: Clone, const N: usize> From<&[T; N]> for Vec<T> {
-    fn from(values: &[T; N]) -> Vec<T> {
-        Vec::from(&values[..])
-    }
-}
-
-impl<T, const N: usize> From<[T; N]> for Vec<T> {
-    fn from(values: [T; N]) -> Vec<T> {
-        Vec::of(values)
-    }
-}
-
 impl<T> From<vec::Vec<T>> for Vec<T> {
     fn from(array: vec::Vec<T>) -> Vec<T> {
         Vec(array)

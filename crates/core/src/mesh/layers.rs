@@ -123,7 +123,7 @@ impl<'a> Stacks<'a> {
 /// The polygon that two triangles have in common.
 fn shared(a: [DVec2; 3], b: [DVec2; 3]) -> Vec<DVec2> {
     let turn = (b[1] - b[0]).perp_dot(b[2] - b[0]).signum();
-    let mut polygon = Vec::from(&a);
+    let mut polygon = Vec::from(&a[..]);
     for k in 0..3 {
         let (from, to) = (b[k], b[(k + 1) % 3]);
         let inside = |p: DVec2| turn * (to - from).perp_dot(p - from);
