@@ -48,9 +48,6 @@ pub fn why(payload: &(dyn Any + Send)) -> Option<Stop> {
 }
 
 /// Calls `body`. Deliberate unwinding becomes an error; panics continue.
-///
-/// # Errors
-/// `Cancelled`, `OutOfMemory`, and those of `body`.
 pub fn caught<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
     // Values that `body` leaves incomplete are dropped with their owners; `Asset` handles its own state.
     catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|payload| match why(&*payload) {
