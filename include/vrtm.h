@@ -668,10 +668,7 @@ typedef struct vrtm_mesh_desc {
 // Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an empty mesh, and for a face with UVs at some corners only.
-VRTM_API
-vrtm_status vrtm_asset_create(vrtm_device device,
-                              const vrtm_mesh_desc *desc,
-                              vrtm_asset *asset);
+VRTM_API vrtm_status vrtm_asset_create(vrtm_device device, const vrtm_mesh_desc *desc, vrtm_asset *asset);
 
 // Destroys an asset and all of its tile handles. If another thread or a job is using the asset, a solve is cancelled,
 // any other call runs to its end, and the memory is freed afterwards; this function does not wait. With a device's
@@ -1037,9 +1034,7 @@ VRTM_API
 vrtm_status vrtm_adapter_count(uint32_t *count);
 
 // Describes adapter `index`, 0 <= index < vrtm_adapter_count. Takes as long as vrtm_adapter_count.
-VRTM_API
-vrtm_status vrtm_adapter_get_info(uint32_t index,
-                                  vrtm_adapter_info *info);
+VRTM_API vrtm_status vrtm_adapter_get_info(uint32_t index, vrtm_adapter_info *info);
 
 /* ---- Threads of the host ---- */
 
@@ -1114,9 +1109,7 @@ typedef struct vrtm_asset_info {
 } vrtm_asset_info;
 
 // Describes the mesh. Never busy.
-VRTM_API
-vrtm_status vrtm_asset_get_info(vrtm_asset asset,
-                                vrtm_asset_info *info);
+VRTM_API vrtm_status vrtm_asset_get_info(vrtm_asset asset, vrtm_asset_info *info);
 
 // The tile at `index`, 0 <= index < vrtm_asset_info.tiles, first those of UV set 0 in the order of their UDIM numbers,
 // then those of set 1, and so on; the layers of a UDIM number follow one another. Never busy.
@@ -1280,9 +1273,7 @@ vrtm_status vrtm_tile_get_grid(vrtm_tile tile,
 // grid, which takes time.
 //
 // Errors: VRTM_ERROR_BUSY.
-VRTM_API
-vrtm_status vrtm_tile_get_info(vrtm_tile tile,
-                               vrtm_tile_info *info);
+VRTM_API vrtm_status vrtm_tile_get_info(vrtm_tile tile, vrtm_tile_info *info);
 
 // Updates a part of a tile's rigidity map, for instance after a brush stroke: `width` x `height` texels from the
 // column `x` and the row `y`, in memory order. `rigidity` describes the whole map, with the size and the format of the
@@ -1530,9 +1521,7 @@ vrtm_status vrtm_job_wait(vrtm_job job,
                           uint32_t timeout_ms);
 
 // Gets the state and progress of a job. Never waits.
-VRTM_API
-vrtm_status vrtm_job_get_progress(vrtm_job job,
-                                  vrtm_job_progress *progress);
+VRTM_API vrtm_status vrtm_job_get_progress(vrtm_job job, vrtm_job_progress *progress);
 
 // Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. A job that
 // already has its result ends normally. Never waits.
@@ -1753,9 +1742,7 @@ typedef struct vrtm_asset_report {
 // Reports on a tile's last solve.
 //
 // Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
-VRTM_API
-vrtm_status vrtm_tile_get_report(vrtm_tile tile,
-                                 vrtm_tile_report *report);
+VRTM_API vrtm_status vrtm_tile_get_report(vrtm_tile tile, vrtm_tile_report *report);
 
 // Writes the painted features of a tile that are worse than without vrtm in its last solve, those whose error rose
 // most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if
@@ -1771,9 +1758,7 @@ vrtm_status vrtm_tile_get_worst_features(vrtm_tile tile,
 // Reports on an asset's last solve, over all tiles.
 //
 // Errors: VRTM_ERROR_NOT_SOLVED before the first solve. Never busy.
-VRTM_API
-vrtm_status vrtm_asset_get_report(vrtm_asset asset,
-                                  vrtm_asset_report *report);
+VRTM_API vrtm_status vrtm_asset_get_report(vrtm_asset asset, vrtm_asset_report *report);
 
 /* ---- Defaults for other languages ---- */
 
@@ -1997,9 +1982,7 @@ VRTM_API
 vrtm_status vrtm_refinement_extend(vrtm_refinement refinement);
 
 // Gets the sizes and the accuracy of a refinement. Never busy.
-VRTM_API
-vrtm_status vrtm_refinement_get_info(vrtm_refinement refinement,
-                                     vrtm_refinement_info *info);
+VRTM_API vrtm_status vrtm_refinement_get_info(vrtm_refinement refinement, vrtm_refinement_info *info);
 
 // Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 //
@@ -2154,9 +2137,7 @@ vrtm_status vrtm_carrier_create(vrtm_asset asset,
                                 vrtm_carrier *carrier);
 
 // Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
-VRTM_API
-vrtm_status vrtm_carrier_get_info(vrtm_carrier carrier,
-                                  vrtm_carrier_info *info);
+VRTM_API vrtm_status vrtm_carrier_get_info(vrtm_carrier carrier, vrtm_carrier_info *info);
 
 // Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
 // on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
