@@ -13,21 +13,8 @@ use super::buffers::State;
 use super::decode::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};
 use super::prefetch::prefetch;
-use super::row::{ROWS, Row};
+use super::row::{NEIGHBOURS, ROWS, Row};
 use super::sampling::{Samples, Surface};
-
-/// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
-/// neighbour owns it.
-pub const NEIGHBOURS: [(i64, i64, usize, bool); 8] = [
-    (1, 0, 0, false),
-    (0, 1, 1, false),
-    (1, 1, 2, false),
-    (-1, 1, 3, false),
-    (-1, 0, 0, true),
-    (0, -1, 1, true),
-    (-1, -1, 2, true),
-    (1, -1, 3, true),
-];
 
 /// The weights of the energy on one level (method §4).
 #[derive(Clone, Copy, Debug)]
@@ -139,8 +126,8 @@ impl Patch {
         prefetch(&level.rest_length[b]);
     }
 
-    /// Gathers a block with its halo. Where nothing is rigid, values and triangles are gathered only if the nodes are to
-    /// be `moved`, and not those of the halo.
+    /// Gathers a block with its halo. Where nothing is rigid, values and triangles are gathered only if the nodes are
+    /// to be `moved`, and not those of the halo.
     ///
     /// # Safety
     /// No other item writes this block or its neighbour blocks meanwhile.

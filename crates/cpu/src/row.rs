@@ -5,7 +5,19 @@ use vrtm_core::grid::planes::{Plane, SIDE};
 use vrtm_core::grid::window::{Window, place};
 
 use super::lanes::{LANES, Lanes, each};
-use super::patch::NEIGHBOURS;
+
+/// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
+/// neighbour owns it.
+pub const NEIGHBOURS: [(i64, i64, usize, bool); 8] = [
+    (1, 0, 0, false),
+    (0, 1, 1, false),
+    (1, 1, 2, false),
+    (-1, 1, 3, false),
+    (-1, 0, 0, true),
+    (0, -1, 1, true),
+    (-1, -1, 2, true),
+    (1, -1, 3, true),
+];
 
 /// Offsets from a row's nodes to their neighbours, in the order of `NEIGHBOURS`.
 pub type Offsets<V> = [[V; 2]; 8];

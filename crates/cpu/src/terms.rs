@@ -6,8 +6,8 @@
 //! loops of their own, which need not be quick.
 
 use super::lanes::{Lanes, Mask, each};
-use super::patch::{NEIGHBOURS, NodeState, Patch, Weights};
-use super::row::{Offsets, Row};
+use super::patch::{NodeState, Patch, Weights};
+use super::row::{NEIGHBOURS, Offsets, Row};
 use super::sampling::{GradientTerms, Slopes, Surface};
 use vrtm_core::method::law::{COMPRESSION_STIFFNESS, HARM_STRESS, MIN_OFFSET_SQUARE, TENSION_STIFFNESS};
 

@@ -8,8 +8,8 @@ use std::hint::black_box;
 use super::super::buffers::State;
 use super::super::energy::Total;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::{NEIGHBOURS, Patch, Source, Weights};
-use super::super::row::{Offsets, Row};
+use super::super::patch::{Patch, Source, Weights};
+use super::super::row::{NEIGHBOURS, Offsets, Row};
 use super::super::run::{Run, SurfaceFn};
 use super::super::sampling::{Slopes, Surface};
 use super::super::terms::{CORNERS, Model, corner_gradient, cross, least_jacobian, normal, pull_stiffness};
@@ -168,8 +168,8 @@ fn block_row<V: Lanes, S: Surface>(
     }
 }
 
-/// Adds the near-bound penalty to the matrix. Returns the contributions of the room term and of the penalty to the pairs
-/// of a row's nodes with their neighbours, row-major.
+/// Adds the near-bound penalty to the matrix. Returns the contributions of the room term and of the penalty to the
+/// pairs of a row's nodes with their neighbours, row-major.
 #[inline(always)]
 fn add_corners<V: Lanes>(d: &Offsets<V>, weights: &Weights, model: &mut Model<V>) -> [[V; 4]; 8] {
     let mut pairs = [[V::zero(); 4]; 8];

@@ -1,10 +1,9 @@
 //! Completes the rows of a level after its owned pairs and row sums are formed (method §7.2).
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
 use super::super::prolong::{CoarseNodes, coarse_nodes};
-use super::super::row::Row;
+use super::super::row::{NEIGHBOURS, Row};
 use super::super::run::Run;
 use super::rows::{BlockRows, Halo, Rows, WordWindows, Words, halo_words};
 use super::transfer::{Weights, active_neighbours};

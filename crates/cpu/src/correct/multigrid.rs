@@ -4,10 +4,9 @@
 //! require.
 
 use super::super::lanes::{Lanes, Vectorised, dispatch, each};
-use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
 use super::super::prolong::{CoarseNodes, coarse_nodes};
-use super::super::row::Row;
+use super::super::row::{NEIGHBOURS, Row};
 use super::super::run::Run;
 use super::rows::{BlockRows, Rows, WordWindows, decode};
 use super::transfer::{Weights, active_neighbours, sum_contributions};
@@ -163,8 +162,8 @@ impl Vectorised for SmoothBlock<'_> {
     }
 }
 
-/// Sweeps inside a block. Fixed nodes are 0 after the first sweep, because their right-hand sides and pairs are 0. On the
-/// way down z is 0, so that the first sweep leaves out neighbours that it has not reached yet.
+/// Sweeps inside a block. Fixed nodes are 0 after the first sweep, because their right-hand sides and pairs are 0. On
+/// the way down z is 0, so that the first sweep leaves out neighbours that it has not reached yet.
 #[inline(always)]
 fn smooth_block<V: Lanes>(
     rows: &BlockRows,

@@ -7,9 +7,8 @@
 use std::hint::black_box;
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
-use super::super::row::{Offsets, Row};
+use super::super::row::{NEIGHBOURS, Offsets, Row};
 use super::super::run::Run;
 use super::super::terms::{CORNERS, cross, least_jacobian};
 use super::falloff::{fall_off, slopes};

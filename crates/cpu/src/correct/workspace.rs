@@ -116,8 +116,8 @@ pub struct SolvingLevel<'a, 's> {
     /// The V-cycle's approximate solution for the residual; on the way down, the blocks' contributions to the residual
     /// of the coarser level. On the corrected level, conjugate gradients turn it into their search direction.
     pub direction: &'a mut [[Plane; 2]],
-    /// The product of the matrix with a vector, or the V-cycle's result on the way down, in two planes; or A P 1 as (xx,
-    /// xy, yy) in three planes.
+    /// The product of the matrix with a vector, or the V-cycle's result on the way down, in two planes; or A P 1 as
+    /// (xx, xy, yy) in three planes.
     pub product: &'s mut [[Plane; 3]],
 }
 

@@ -7,7 +7,7 @@
 
 use glam::DVec2;
 
-use crate::lanes::LANES;
+use super::super::lanes::LANES;
 use vrtm_core::grid::fill::Fill;
 
 /// A number per cell.

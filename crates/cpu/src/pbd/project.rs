@@ -8,7 +8,7 @@ use vrtm_core::method::pbd::{Iteration, Set};
 
 use super::super::decode;
 use super::super::lanes::{Lanes, Mask, Vectorised, each};
-use super::super::patch::NEIGHBOURS;
+use super::super::row::NEIGHBOURS;
 use super::super::row::Row;
 use super::super::sampling::Surface;
 use super::block::PassBlock;
