@@ -26,7 +26,12 @@ pub fn load<'a, T: Copy + 'a>(
     plane: impl Fn(usize) -> &'a Plane<T>,
     window: &mut Window<T>,
 ) {
-    copy(neighbours.map(|b| (b != NONE).then(|| plane(b as usize))), default, window);
+    // Not by `map`, which is a call for arrays of this size.
+    let mut planes = [None; 9];
+    for (to, &b) in planes.iter_mut().zip(neighbours).filter(|(_, b)| **b != NONE) {
+        *to = Some(plane(b as usize));
+    }
+    copy(planes, default, window);
 }
 
 /// The windows of several planes of a block, 0 in the halo where a neighbour block is not stored; `plane(b, c)` is

@@ -184,6 +184,11 @@ impl<const N: usize> Vectorised for RestrictQuarter<'_, N> {
 
 /// The 3x3 neighbour blocks of block `b`, with NONE for those that are not active.
 pub fn active_neighbours(level: &Level, b: usize) -> [u32; 9] {
-    level.blocks.neighbours[b]
-        .map(|b| if b != NONE && level.blocks.list[b as usize].active { b } else { NONE })
+    let mut neighbours = level.blocks.neighbours[b];
+    for b in &mut neighbours {
+        if *b != NONE && !level.blocks.list[*b as usize].active {
+            *b = NONE;
+        }
+    }
+    neighbours
 }

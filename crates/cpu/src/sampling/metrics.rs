@@ -33,7 +33,7 @@ impl Metrics<'_> {
         let is_stored = ![low, east, north, high].contains(&NONE);
         is_stored.then(|| {
             let nodes = [(low, i, j), (east, i + 1, j), (north, i, j + 1), (high, i + 1, j + 1)];
-            nodes.map(|(block, i, j)| self.node(block, i, j))
+            each!([0, 1, 2, 3], |k| self.node(nodes[k].0, nodes[k].1, nodes[k].2))
         })
     }
 
