@@ -43,7 +43,7 @@ impl Asset {
     /// Solves and fetches in one call: all arguments are checked before anything is written.
     ///
     /// # Errors
-    /// Those of [`crate::Tile::fetch`].
+    /// The errors of [`crate::Tile::fetch`].
     pub fn redirect(
         &mut self,
         positions: Strided,

@@ -1,5 +1,5 @@
-//! Prefetching. Blocks are large and are visited once per pass, so that a kernel that waits for each of its cache lines
-//! may spend half of its time on that: a `normal` solve takes 5 to 9 % longer without.
+//! Prefetching. Blocks are large and are visited once per pass, so that a kernel may wait for each of its cache lines:
+//! a `normal` solve takes up to 3 % longer without.
 
 /// Asks for all cache lines of a value that is used soon, in order: of this block, where a kernel that reads many short
 /// runs of it in parallel would not reach the memory's full bandwidth by itself, or of the next one.
