@@ -44,39 +44,47 @@ fn vector_index(b: u32, plane: u32, s: u32) -> u32 {
     return (b * VECTOR_PLANES + plane) * NODES + s;
 }
 
-/// Encodes a vector as two bfloat16 in one word. 0 stays 0: nodes at rest stay there.
+/// Two numbers in a word (method §7.2): its lower half is y as bfloat16, its upper half such that the whole word as f32 is
+/// next to x.
+fn pack_two(x: f32, y: f32) -> u32 {
+    // What is left of a sum that cancels must not decide how x is rounded: its sign may differ on the CPU.
+    let bits = bitcast<u32>(select(y, 0.0, y * y <= x * x * 0x1p-36));
+    let low = (bits + 0x7fffu + ((bits >> 16u) & 1u)) >> 16u;
+    let whole = ((bitcast<u32>(x) - low + 0x8000u) & 0xffff0000u) | low;
+    return select(whole, low, x * x <= 0.0);
+}
+
+fn unpack_two(word: u32) -> vec2f {
+    return bitcast<vec2f>(vec2u(word, word << 16u));
+}
+
+/// Encodes a vector in one word. 0 stays 0: nodes at rest stay there.
 fn encode_vector(v: vec2f) -> f32 {
     if all(v == vec2f()) {
         return 0.0;
     }
     // A word whose upper half is 0 would be a denormal number, which a GPU may take for 0.
-    let bits = bitcast<vec2u>(vec2f(select(TINY, v.x, abs(v.x) > TINY), v.y));
-    let rounded = bits + 0x7fffu + ((bits >> vec2u(16u)) & vec2u(1u));
-    return bitcast<f32>((rounded.x & 0xffff0000u) | (rounded.y >> 16u));
+    return bitcast<f32>(pack_two(select(TINY, v.x, abs(v.x) > TINY), v.y));
 }
 
 fn decode_vector(word: f32) -> vec2f {
-    let bits = bitcast<u32>(word);
-    return vec2f(bitcast<f32>(bits & 0xffff0000u), bitcast<f32>(bits << 16u));
+    return unpack_two(bitcast<u32>(word));
 }
 
-/// Encodes a 2x2 block (row-major) as four bfloat16, which are f32 rounded to the nearest value with 16 bits: xx and
-/// the mean of xy and yx in the first word, yy and half of their difference in the second (method §7.2). The rounding
-/// error of a pair is added to the diagonals of both of its nodes, so that the sum of each row stays exact.
+/// Encodes a 2x2 block (row-major) as two words: (xx, xy), (yy, yx). The rounding error of a pair is added to the
+/// diagonals of both of its nodes, so that the sum of each row stays exact.
 fn encode(a: vec4f) -> vec2u {
-    let bits = bitcast<vec4u>(vec4f(a.x, 0.5 * (a.y + a.z), a.w, 0.5 * (a.y - a.z)));
-    let rounded = bits + 0x7fffu + ((bits >> vec4u(16u)) & vec4u(1u));
-    return (rounded.xz & vec2u(0xffff0000u)) | (rounded.yw >> vec2u(16u));
+    return vec2u(pack_two(a.x, a.y), pack_two(a.w, a.z));
 }
 
 fn decode(words: vec2u) -> vec4f {
-    let high = bitcast<vec2f>(words & vec2u(0xffff0000u));
-    let low = bitcast<vec2f>(words << vec2u(16u));
-    return vec4f(high.x, low.x + low.y, low.x - low.y, high.y);
+    return vec4f(unpack_two(words.x), unpack_two(words.y).yx);
 }
 
-/// Returns (xx, xy, yy) of the symmetric part of a 2x2 block's rounding error in `encode`.
-fn rounding_loss(a: vec4f) -> vec3f {
+/// Returns (xx, xy, yy) of the symmetric part of the rounding error in `encode` of a node's pair with neighbour k. The
+/// pair's owner encodes it.
+fn rounding_loss(pair: vec4f, k: u32) -> vec3f {
+    let a = select(pair, pair.xzyw, k > 3u);
     let rest = a - decode(encode(a));
     return vec3f(rest.x, 0.5 * (rest.y + rest.z), rest.w);
 }

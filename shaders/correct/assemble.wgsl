@@ -85,7 +85,7 @@ fn add_edge(b: u32, n: vec2u, p: NodeState, own: mat2x3f, floor: f32, k: u32, co
         pair = square * outer_pair(near, far) - vec4f(isotropic, 0.0, 0.0, isotropic) - turn * outer_pair(normal, normal)
             + corners;
     }
-    diagonal += rounding_loss(pair);
+    diagonal += rounding_loss(pair, k);
     if k < 4u {
         let words = encode(pair);
         rows[at + (PAIR + 2u * k) * NODES] = words.x;

@@ -157,7 +157,7 @@ fn finish_pair(b: u32, s: u32, is_movable: bool, e: u32, sum: vec4f) -> vec3f {
         rows[at] = words.x;
         rows[at + NODES] = words.y;
     }
-    return rounding_loss(pair);
+    return rounding_loss(pair, e);
 }
 
 @compute @workgroup_size(256)

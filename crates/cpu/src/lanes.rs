@@ -86,11 +86,13 @@ pub trait Lanes:
     fn index_eq(a: Self::Index, b: Self::Index) -> Self::Mask;
     /// `a` where the mask is true, `b` elsewhere.
     fn select_index(mask: Self::Mask, a: Self::Index, b: Self::Index) -> Self::Index;
-    /// Rounds both operands to bfloat16 (to even in a tie; a NaN may become a number or infinity): `high` in the
-    /// upper half of each word, `low` in the lower half.
-    fn pack_bfloat16(high: Self, low: Self) -> Self::Index;
-    /// The two operands as rounded by `pack_bfloat16`.
-    fn unpack_bfloat16(words: Self::Index) -> (Self, Self);
+    fn bits(self) -> Self::Index;
+    fn from_bits(bits: Self::Index) -> Self;
+    /// Two numbers in each word (method §7.2): its lower half is `y` as bfloat16 (rounded to even in a tie; a NaN may
+    /// become a number or infinity), its upper half such that the whole word as f32 is next to `x`.
+    fn pack_two(x: Self, y: Self) -> Self::Index;
+    /// The two operands as rounded by `pack_two`.
+    fn unpack_two(words: Self::Index) -> [Self; 2];
     /// Transposes eight records of eight numbers: lane n of `out[k]` is the k-th number of record n.
     fn transpose(records: [&[f32; LANES]; LANES]) -> [Self; LANES];
 

@@ -260,6 +260,11 @@ impl Patch {
     }
 }
 
+/// Stiffness of the smoothness term and of the pull of the edges of elastic nodes to neighbours `k`.
+pub fn elastic_stiffness(k: usize, weights: &Weights) -> f32 {
+    (weights.smoothness + weights.smoothness_floor + weights.pull) / rest_square(k)
+}
+
 /// |d0|² of the edge to neighbour `k`.
 #[inline(always)]
 fn rest_square(k: usize) -> f32 {

@@ -70,7 +70,7 @@ pub mod shared {
         FRACTION: usize = 4;
         /// The step (2), while it is tried.
         STEP: usize = 2;
-        /// The last step that was tried, as two bfloat16.
+        /// The last step that was tried, two numbers in a word.
         LAST_STEP: usize = 6;
         /// The displacement before the step (2), while the step is tried.
         U_BEFORE: usize = 0;

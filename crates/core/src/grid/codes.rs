@@ -1,8 +1,6 @@
 //! Codes of 8 and 16 bits for rigidity, weights of interpolation and rest lengths (method §1): besides its own state, a
 //! solve reads mostly these constants.
 
-use half::bf16;
-
 /// The code of 1 in `encode_rigidity`.
 pub const RIGIDITY_STEPS: f32 = 65535.0;
 
@@ -27,10 +25,10 @@ pub fn decode_weight(code: u8) -> f32 {
     f32::from(code) / 254.0
 }
 
-/// The two bfloat16 in a word: the upper half first, then the lower half.
+/// The two numbers in a word (method §7.2): the whole word as f32, and its lower half as bfloat16.
 #[inline(always)]
-pub fn unpack_bfloat16(word: u32) -> [f32; 2] {
-    [(word >> 16) as u16, word as u16].map(|bits| bf16::from_bits(bits).to_f32())
+pub fn unpack_two(word: u32) -> [f32; 2] {
+    [word, word << 16].map(f32::from_bits)
 }
 
 /// A 16-bit coding of 0 and of lengths between two bounds: the leading bits of the difference between the f32

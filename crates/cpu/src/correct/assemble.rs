@@ -12,7 +12,9 @@ use super::super::patch::{Patch, Source, Weights};
 use super::super::row::{NEIGHBOURS, Offsets, Row};
 use super::super::run::{Run, SurfaceFn};
 use super::super::sampling::{Slopes, Surface};
-use super::super::terms::{CORNERS, Model, corner_gradient, cross, least_jacobian, normal, pull_stiffness};
+use super::super::terms::{
+    CORNERS, Model, corner_gradient, cross, elastic_stiffness, least_jacobian, normal, pull_stiffness,
+};
 use super::rows::{Rows, Words, encode};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::planes::Plane;
@@ -30,15 +32,20 @@ pub struct Assemble<'a> {
 
 impl SurfaceFn<Vec<f64>> for Assemble<'_> {
     fn call<S: Surface>(self, run: &Run, state: State, surface: S) -> Vec<f64> {
-        let Rows { diagonal, words, .. } = self.rows;
+        self.rows.set_uniform([0, 2].map(|k| -elastic_stiffness(k, &run.weights[self.level])));
+        let Rows { diagonal, words, is_uniform, .. } = self.rows;
+        let (words, uniform) = words.split_at_mut(is_uniform.len());
         let (row_sums, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));
+        let is_uniform = SharedSlice::new(is_uniform);
         let right_hand_sides = SharedSlice::new(self.residual);
         let next = |b| Patch::prefetch(&run.grid.levels[self.level], state, b);
         run.sum_blocks(self.level, next, |worker, b| {
             // SAFETY: each item has its own rows.
             let (sums, words, right_hand_side) =
                 unsafe { (row_sums.get_mut(b), words.get_mut(b), right_hand_sides.get_mut(b)) };
-            let out = Out { sums, words, right_hand_side };
+            // SAFETY: as above.
+            let is_uniform = unsafe { is_uniform.get_mut(b) };
+            let out = Out { sums, words, right_hand_side, is_uniform, uniform: &uniform[0] };
             let source = run.source(self.level, state, surface, b);
             run.patches.with(worker, |patch| {
                 run.slopes.with(worker, |slopes| dispatch(AssembleBlock { patch, slopes, source, out }))
@@ -63,6 +70,10 @@ struct Out<'a> {
     sums: &'a mut [Plane; 3],
     words: &'a mut Words,
     right_hand_side: &'a mut [Plane; 2],
+    /// True as long as all rows are uniform; their pairs are not in `words`.
+    is_uniform: &'a mut bool,
+    /// The pairs of uniform rows.
+    uniform: &'a Words,
 }
 
 impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
@@ -77,6 +88,10 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
             // SAFETY: nothing writes the state.
             unsafe { patch.window_slopes::<V, S>(&source, slopes) };
         }
+        *out.is_uniform = !patch.is_stiff
+            && !patch.has_hold
+            && !source.weights.orients()
+            && patch.movable.iter().all(|&movable| movable == 1.0);
         let mut total = Total::new();
         for row in Row::all() {
             let (patch, slopes, row) = black_box((&*patch, &*slopes, row));
@@ -115,6 +130,14 @@ fn block_row<V: Lanes, S: Surface>(
     // Most corners are above the thresholds of both the room term and the near-bound penalty.
     let crowded = least.lt(V::splat(weights.room_threshold.max(NEAR_BOUND_JACOBIAN))).any();
     let mut corner_pairs = None;
+    if *out.is_uniform {
+        if !crowded {
+            total.add(movable, model.energy, least);
+            return uniform_row(&model, weights, row, out);
+        }
+        *out.is_uniform = false;
+        *out.words = *out.uniform;
+    }
     if crowded {
         patch.add_room(row, &d, weights, &mut model);
         corner_pairs = Some(add_corners(&d, weights, &mut model));
@@ -165,6 +188,19 @@ fn block_row<V: Lanes, S: Surface>(
     }
     for c in 0..3 {
         row.store(&mut out.sums[c], movable.select(model.matrix[c] + sums[c], V::zero()));
+    }
+}
+
+/// Assembles the row sums and the right-hand side of nodes with uniform rows.
+#[inline(always)]
+fn uniform_row<V: Lanes>(model: &Model<V>, weights: &Weights, row: Row, out: &mut Out) {
+    let pairs = 4.0 * (elastic_stiffness(0, weights) + elastic_stiffness(2, weights));
+    for c in 0..3 {
+        let sum = if c == 1 { V::zero() } else { model.matrix[c] - V::splat(pairs) };
+        row.store(&mut out.sums[c], sum);
+    }
+    for c in 0..2 {
+        row.store(&mut out.right_hand_side[c], -model.gradient[c]);
     }
 }
 

@@ -5,7 +5,7 @@ use super::super::prefetch::prefetch;
 use super::super::prolong::{CoarseNodes, coarse_nodes};
 use super::super::row::{NEIGHBOURS, Row};
 use super::super::run::Run;
-use super::rows::{BlockRows, Halo, Rows, WordWindows, Words, halo_words};
+use super::rows::{BlockRows, Halo, Rows, WordWindows, Words, decode, halo_words};
 use super::transfer::{Weights, active_neighbours};
 use super::workspace::SolvingLevel;
 use vrtm_core::grid::planes::Plane;
@@ -17,13 +17,14 @@ use vrtm_core::team::SharedSlice;
 /// computes that level's row sums.
 pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: bool) {
     let grid = &run.grid.levels[level];
-    let Rows { diagonal, words, halo } = &mut *system.rows;
+    let Rows { diagonal, is_uniform, words, halo } = &mut *system.rows;
     let (diagonal, halo, product) =
         (SharedSlice::new(diagonal), SharedSlice::new(halo), SharedSlice::new(system.product));
-    let words = &*words;
-    let next = |b: usize| prefetch(&words[b]);
+    let (words, is_uniform) = (&*words, &*is_uniform);
+    let element = |b: usize| if is_uniform[b] { is_uniform.len() } else { b };
+    let next = |b: usize| prefetch(&words[element(b)]);
     run.each_block(level, next, |worker, b, _| {
-        prefetch(&words[b]);
+        next(b);
         let neighbours = active_neighbours(grid, b);
         // P 1 is 1 if all coarse nodes from which the node is interpolated are movable, and less otherwise.
         let coarse = |b: usize, _| &run.grid.levels[level + 1].movable[b];
@@ -31,11 +32,13 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
         let is_one = |[nodes]: &[CoarseNodes; 1]| nodes.as_flattened().iter().all(|&x| x == 1.0);
         let ones = nodes.filter(|nodes| !is_one(nodes)).map(|[nodes]| (Weights::new(grid, b), nodes));
         // SAFETY: each item has its own block.
-        let (diagonal, halo) = unsafe { (diagonal.get_mut(b), halo.get_mut(b)) };
-        *halo = halo_words(words, &neighbours);
-        // SAFETY: as above.
-        let product = coarser.then(|| unsafe { product.get_mut(b) });
-        let (words, halo, movable) = (&words[b], &*halo, &grid.movable[b]);
+        let (diagonal, own_halo) = unsafe { (diagonal.get_mut(b), halo.get_mut(b)) };
+        if !is_uniform[b] {
+            *own_halo = halo_words(|b| &words[element(b)], &neighbours);
+        }
+        // SAFETY: as above; nothing writes that of uniform blocks.
+        let (halo, product) = unsafe { (halo.get(element(b)), coarser.then(|| product.get_mut(b))) };
+        let (words, movable) = (&words[element(b)], &grid.movable[b]);
         run.words.with(worker, |windows| {
             dispatch(Complete { words, halo, movable, windows, diagonal, ones, product })
         });
@@ -66,7 +69,7 @@ impl Vectorised for Complete<'_> {
             weights.interpolate(&nodes, &mut ones);
             ones
         });
-        BlockRows { diagonal, words, halo }.gather::<V>(windows);
+        BlockRows { diagonal, words, halo, uniform: None }.gather::<V>(windows);
         for row in Row::all() {
             let sums = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
             let lanes = V::zero().lt(V::load_u8(movable, row.slot()));
@@ -108,6 +111,6 @@ impl Vectorised for Complete<'_> {
 fn symmetric_part<V: Lanes>(words: &WordWindows, row: Row, k: usize) -> [V; 3] {
     let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
     let (oi, oj) = if neighbour_owns { (di, dj) } else { (0, 0) };
-    let [first, second] = each!([0, 1], |w| V::unpack_bfloat16(row.near_index::<V>(&words[e][w], oi, oj)));
-    [first.0, first.1, second.0]
+    let [xx, xy, yx, yy] = decode::<V>(each!([0, 1], |w| row.near_index::<V>(&words[e][w], oi, oj)));
+    [xx, (xy + yx) * 0.5, yy]
 }

@@ -27,11 +27,10 @@ impl Run<'_> {
     ) -> Vec<f64> {
         let charts = self.charts.len();
         let mut predicted = zeroed::<f64>(charts);
-        let last_step = solving.last_step.take().filter(|_| !correction.first);
-        let last_step = last_step.map(|last_step| {
-            self.keep_last_step(level, solving.step, last_step);
-            &*last_step
-        });
+        let has_last_step = level == 0 && !correction.first;
+        if has_last_step {
+            self.keep_last_step(level, solving);
+        }
         // r·z of the first iteration.
         let mut first_rz = zeroed::<f64>(charts);
         let mut directions = Directions::default();
@@ -81,10 +80,8 @@ impl Run<'_> {
             }
             (directions.lengths[iteration], directions.curvatures[iteration]) = (alpha, curvature);
         }
-        if let Some(last_step) = last_step
-            && iterations == 2
-        {
-            self.add_last_step(level, solving, last_step, &directions, &mut predicted);
+        if has_last_step && iterations == 2 {
+            self.add_last_step(level, solving, &directions, &mut predicted);
         }
         predicted
     }

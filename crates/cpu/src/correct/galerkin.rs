@@ -20,6 +20,7 @@ use vrtm_core::team::SharedSlice;
 /// `complete` stored on `finer`.
 pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut SolvingLevel) {
     let (fine_level, level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
+    coarse.rows.is_uniform.fill(false);
     let (sums, words) =
         (SharedSlice::new(&mut coarse.rows.diagonal), SharedSlice::new(&mut coarse.rows.words));
     let next = |b: usize| {
@@ -49,13 +50,13 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
                 let diagonals = [0, 1, 3, 4].map(|k| neighbour(k).map(|b| &fine.rows.diagonal[b]));
                 for (e, windows) in windows.iter_mut().enumerate() {
                     for (w, window) in windows.iter_mut().enumerate() {
-                        window::load(&neighbours, 0, |b| &fine.rows.words[b][e][w], window);
+                        window::load(&neighbours, 0, |b| &fine.rows.words_of(b)[e][w], window);
                     }
                 }
                 dispatch(QuarterPairs {
                     pairs: windows,
                     diagonals,
-                    west: neighbour(3).map(|b| (&fine_level.interpolation[b], &fine.rows.words[b][0])),
+                    west: neighbour(3).map(|b| (&fine_level.interpolation[b], &fine.rows.words_of(b)[0])),
                     weights,
                     movable: &movable,
                     quarter,

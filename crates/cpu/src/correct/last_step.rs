@@ -8,9 +8,10 @@ use super::super::row::Row;
 use super::super::run::Run;
 use super::multigrid;
 use super::rows::BlockRows;
+use super::transfer::active_neighbours;
 use super::workspace::{Solving, SolvingLevel};
 use vrtm_core::allocation::Vec;
-use vrtm_core::grid::codes::unpack_bfloat16;
+use vrtm_core::grid::codes::unpack_two;
 use vrtm_core::grid::planes::{NODES, Plane};
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
 use vrtm_core::method::law::{MAX_STEP, MIN_NEW_CURVATURE};
@@ -28,11 +29,12 @@ type Factors = [f32; 3];
 
 impl Run<'_> {
     /// Copies the step of the correction before, which conjugate gradients overwrite.
-    pub(super) fn keep_last_step(&self, level: usize, step: &[[Plane; 2]], last_step: &mut [Plane<u32>]) {
-        let last_step = SharedSlice::new(last_step);
-        // SAFETY: each item has its own block.
-        let encode = |b: usize| dispatch(Encode { step: &step[b], words: unsafe { last_step.get_mut(b) } });
-        self.each_block(level, nothing, |_, b, _| encode(b));
+    pub(super) fn keep_last_step(&self, level: usize, solving: &mut Solving) {
+        let (step, product) = (&*solving.step, SharedSlice::new(solving.levels[0].product));
+        self.each_block(level, nothing, |_, b, _| {
+            // SAFETY: each item has its own block.
+            dispatch(Encode { step: &step[b], words: unsafe { &mut product.get_mut(b)[2] } });
+        });
     }
 
     /// Adds to the step of `level` the part of the last step that is conjugate to both directions, at the length that
@@ -41,16 +43,15 @@ impl Run<'_> {
         &self,
         level: usize,
         solving: &mut Solving,
-        last_step: &[Plane<u32>],
         directions: &Directions,
         predicted: &mut [f64],
     ) {
-        let SolvingLevel { rows, residual, direction, .. } = &solving.levels[0];
+        let SolvingLevel { rows, residual, direction, product } = &solving.levels[0];
         let grid = &self.grid.levels[level];
         let next = |b: usize| rows.prefetch(b);
         let products = self.sum_blocks(level, next, |_, b| {
-            let mut words = [0; WINDOW_NODES];
-            window::load(&grid.blocks.neighbours[b], 0, |b| &last_step[b], &mut words);
+            let mut words = [0.0; WINDOW_NODES];
+            window::load(&active_neighbours(grid, b), 0.0, |b| &product[b][2], &mut words);
             let (rows, words) = (rows.block(b), &words);
             let (vectors, residual) = ([&solving.step[b], &direction[b]], &residual[b]);
             DVec4::from(dispatch(Products { rows, words, vectors, residual }).map(f64::from))
@@ -62,13 +63,13 @@ impl Run<'_> {
                 factors
             })
             .collect();
-        let direction = &*solving.levels[0].direction;
+        let (direction, product) = (&**direction, &**product);
         let step = SharedSlice::new(solving.step);
         self.each_block(level, nothing, |_, b, c| {
             // SAFETY: each item has its own block.
             let x = unsafe { step.get_mut(b) };
             if factors[c][2] != 0.0 {
-                let (second, last, factors) = (&direction[b], &last_step[b], factors[c]);
+                let (second, last, factors) = (&direction[b], &product[b][2], factors[c]);
                 dispatch(Combine { x, second, last, factors });
             }
         });
@@ -100,10 +101,10 @@ fn combined(products: [f64; 4], directions: &Directions, c: usize) -> (Factors, 
     (factors.map(|factor| factor as f32), length * falls)
 }
 
-/// Rounds a step to bfloat16, in one block.
+/// Packs a step into one word per node, in one block.
 struct Encode<'a> {
     step: &'a [Plane; 2],
-    words: &'a mut Plane<u32>,
+    words: &'a mut Plane,
 }
 
 impl Vectorised for Encode<'_> {
@@ -113,7 +114,7 @@ impl Vectorised for Encode<'_> {
     fn run<V: Lanes>(self) {
         for s in (0..NODES).step_by(LANES) {
             let [x, y] = self.step.each_ref().map(|plane| V::load(plane, s));
-            V::store_index(V::pack_bfloat16(x, y), self.words, s);
+            V::from_bits(V::pack_two(x, y)).store(self.words, s);
         }
     }
 }
@@ -122,7 +123,7 @@ impl Vectorised for Encode<'_> {
 struct Products<'a> {
     rows: BlockRows<'a>,
     /// p.
-    words: &'a Window<u32>,
+    words: &'a Window,
     vectors: [&'a [Plane; 2]; 2],
     residual: &'a [Plane; 2],
 }
@@ -134,7 +135,7 @@ impl Vectorised for Products<'_> {
     fn run<V: Lanes>(self) -> [f32; 4] {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         for (k, &word) in self.words.iter().enumerate() {
-            let [x, y] = unpack_bfloat16(word);
+            let [x, y] = unpack_two(word.to_bits());
             (windows[0][k], windows[1][k]) = (x, y);
         }
         let mut of_pairs = [[0.0; WINDOW_NODES]; 2];
@@ -159,7 +160,7 @@ impl Vectorised for Products<'_> {
 struct Combine<'a> {
     x: &'a mut [Plane; 2],
     second: &'a [Plane; 2],
-    last: &'a Plane<u32>,
+    last: &'a Plane,
     factors: Factors,
 }
 
@@ -170,7 +171,7 @@ impl Vectorised for Combine<'_> {
     fn run<V: Lanes>(self) {
         let Combine { x, second, last, factors } = self;
         for s in (0..NODES).step_by(LANES) {
-            let last: [V; 2] = V::unpack_bfloat16(V::load_index(last, s)).into();
+            let last = V::unpack_two(V::load(last, s).bits());
             for c in 0..2 {
                 let sum = V::load(&x[c], s) * factors[0]
                     + V::load(&second[c], s) * factors[1]

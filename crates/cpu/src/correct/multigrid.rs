@@ -131,7 +131,9 @@ impl Vectorised for SmoothBlock<'_> {
                 weights.interpolate(&nodes[c], &mut windows[c]);
             }
         }
-        rows.gather::<V>(words);
+        if rows.uniform.is_none() {
+            rows.gather::<V>(words);
+        }
         smooth_block::<V>(&rows, words, r, sweeps, down, windows);
         let mut sum = V::zero();
         for row in Row::all() {
@@ -178,16 +180,16 @@ fn smooth_block<V: Lanes>(
             for row in Row::of_colour(colour) {
                 // The neighbour's colour is lower.
                 let known = |di: i64, dj: i64| (colour ^ ((di & 1) + 2 * (dj & 1)) as usize) < colour;
-                let product = off_diagonal::<V>(words, row, z, known);
-                smooth_row::<V>(rows.diagonal, r, row, product, z);
+                let product = off_diagonal::<V>(rows, words, row, z, known);
+                smooth_row::<V>(rows, r, row, product, z);
             }
         });
     }
     for _ in u32::from(down)..sweeps {
         for k in 0..4 {
             for row in Row::of_colour(if down { k } else { 3 - k }) {
-                let product = off_diagonal::<V>(words, row, z, |_, _| true);
-                smooth_row::<V>(rows.diagonal, r, row, product, z);
+                let product = off_diagonal::<V>(rows, words, row, z, |_, _| true);
+                smooth_row::<V>(rows, r, row, product, z);
             }
         }
     }
@@ -195,15 +197,15 @@ fn smooth_block<V: Lanes>(
 
 /// Solves the equations of a row's nodes, given the products of their pairs.
 #[inline(always)]
-fn smooth_row<V: Lanes>(
-    diagonal: &[Plane; 3],
-    r: &[Plane; 2],
-    row: Row,
-    product: [V; 2],
-    z: &mut [Window; 2],
-) {
+fn smooth_row<V: Lanes>(rows: &BlockRows, r: &[Plane; 2], row: Row, product: [V; 2], z: &mut [Window; 2]) {
     let (rx, ry) = (row.load::<V>(&r[0]) - product[0], row.load::<V>(&r[1]) - product[1]);
-    let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
+    if let Some(uniform) = rows.uniform {
+        let inverse = V::splat(1.0 / uniform.diagonal);
+        row.store_in_window(&mut z[0], rx * inverse);
+        row.store_in_window(&mut z[1], ry * inverse);
+        return;
+    }
+    let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&rows.diagonal[c]));
     let inverse = V::one() / (xx * yy - xy * xy);
     row.store_in_window(&mut z[0], (yy * rx - xy * ry) * inverse);
     row.store_in_window(&mut z[1], (xx * ry - xy * rx) * inverse);
@@ -212,11 +214,15 @@ fn smooth_row<V: Lanes>(
 /// The sum of A_pn z_n over the neighbours for whose offsets `known` is true.
 #[inline(always)]
 fn off_diagonal<V: Lanes>(
+    rows: &BlockRows,
     words: &WordWindows,
     row: Row,
     z: &[Window; 2],
     known: impl Fn(i64, i64) -> bool,
 ) -> [V; 2] {
+    if let Some(uniform) = rows.uniform {
+        return uniform_product(uniform.pairs, row, z, known);
+    }
     let mut sum = [V::zero(); 2];
     each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
         let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
@@ -230,6 +236,27 @@ fn off_diagonal<V: Lanes>(
         }
     });
     sum
+}
+
+/// `off_diagonal` where all pairs along the axes are the unit matrix times the first factor, and those along the
+/// diagonals times the second one.
+#[inline(always)]
+fn uniform_product<V: Lanes>(
+    factors: [f32; 2],
+    row: Row,
+    z: &[Window; 2],
+    known: impl Fn(i64, i64) -> bool,
+) -> [V; 2] {
+    each!([0, 1], |c| {
+        let mut sums = [V::zero(); 2];
+        each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+            let (di, dj, ..) = NEIGHBOURS[k];
+            if known(di, dj) {
+                sums[usize::from(di * dj != 0)] += row.near::<V>(&z[c], di, dj);
+            }
+        });
+        sums[0] * factors[0] + sums[1] * factors[1]
+    })
 }
 
 /// Sets the first two planes of `out` to A v, and returns the dot product of v and A v per chart.
@@ -262,10 +289,18 @@ impl Vectorised for BlockProduct<'_> {
     fn run<V: Lanes>(self) -> f32 {
         let BlockProduct { rows, v, out } = self;
         let mut sums = [[0.0; WINDOW_NODES]; 2];
-        rows.add_product::<V>(v, &mut sums);
+        if rows.uniform.is_none() {
+            rows.add_product::<V>(v, &mut sums);
+        }
         let mut dot = V::zero();
         for row in Row::all() {
-            let product = with_diagonal::<V>(&rows, row, v, &sums);
+            let product = match rows.uniform {
+                Some(uniform) => {
+                    let pairs = uniform_product::<V>(uniform.pairs, row, v, |_, _| true);
+                    each!([0, 1], |c| row.near::<V>(&v[c], 0, 0) * uniform.diagonal + pairs[c])
+                }
+                None => with_diagonal::<V>(&rows, row, v, &sums),
+            };
             for c in 0..2 {
                 row.store(&mut out[c], product[c]);
                 dot += product[c] * row.near::<V>(&v[c], 0, 0);

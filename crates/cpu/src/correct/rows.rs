@@ -1,5 +1,5 @@
 //! The storage of a level's matrix (method §7.2). The 2x2 block of each pair of neighbouring nodes is stored once, with
-//! the node that owns the edge, as four bfloat16, which are f32 rounded to their upper 16 bits. The rounding errors of
+//! the node that owns the edge, as two words that each hold two numbers with 8 bits of mantissa. The rounding errors of
 //! a pair are added to the diagonal blocks of both of its nodes, so that row sums stay exact. The force on a rigid
 //! feature that moves as a whole is the sum of thousands of row sums; it must come from the feature's surroundings and
 //! not from rounding.
@@ -9,8 +9,8 @@ use super::super::lanes::{LANES, Lanes, each};
 use super::super::prefetch::prefetch;
 use super::super::row::Row;
 use vrtm_core::allocation::Vec;
-use vrtm_core::grid::codes::unpack_bfloat16;
-use vrtm_core::grid::planes::{EDGES, Plane, SIDE, slot};
+use vrtm_core::grid::codes::unpack_two;
+use vrtm_core::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
 use vrtm_core::grid::window::{Window, place};
 use vrtm_core::mesh::NONE;
 
@@ -29,31 +29,73 @@ pub type Halo = [[u32; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
 pub struct Rows {
     /// (xx, xy, yy) of the diagonal block per node. Until `complete`, the symmetric part of the row's sum.
     pub diagonal: Vec<[Plane; 3]>,
+    /// Per block, true if its nodes have all the same row: they and their neighbours are movable and elastic, nothing
+    /// holds them, and no corner is crowded.
+    pub is_uniform: Vec<bool>,
+    /// Per block, its pairs. One more element has the pairs of all uniform blocks.
     pub words: Vec<Words>,
+    /// As above.
     pub halo: Vec<Halo>,
+}
+
+/// The row of each node of a uniform block: multiples of the unit matrix.
+#[derive(Clone, Copy)]
+pub struct UniformRow {
+    pub diagonal: f32,
+    /// The factors in pairs along axes and along diagonals.
+    pub pairs: [f32; 2],
 }
 
 impl Rows {
     pub fn new(allocator: &mut Allocator, blocks: usize) -> Rows {
         Rows {
             diagonal: allocator.zeros(blocks),
-            words: allocator.zeros(blocks),
-            halo: allocator.zeros(blocks),
+            is_uniform: allocator.zeros(blocks),
+            words: allocator.zeros(blocks + 1),
+            halo: allocator.zeros(blocks + 1),
         }
+    }
+
+    /// Sets the pairs of uniform blocks, given the factors of the unit matrix along axes and along diagonals.
+    pub fn set_uniform(&mut self, factors: [f32; 2]) {
+        let last = self.is_uniform.len();
+        // As by `encode`.
+        let words = factors.map(|factor| (factor.to_bits() + 0x8000) & 0xffff_0000);
+        self.words[last] = std::array::from_fn(|e| [[words[e / 2]; NODES]; 2]);
+        self.halo[last] = halo_words(|_| &self.words[last], &[0; 9]);
+    }
+
+    /// The element of `words` and `halo` for block `b`.
+    #[inline(always)]
+    fn element(&self, b: usize) -> usize {
+        if self.is_uniform[b] { self.is_uniform.len() } else { b }
+    }
+
+    /// The pairs of block `b`.
+    #[inline(always)]
+    pub fn words_of(&self, b: usize) -> &Words {
+        &self.words[self.element(b)]
     }
 
     /// The rows of block `b`.
     #[inline(always)]
     pub fn block(&self, b: usize) -> BlockRows<'_> {
-        BlockRows { diagonal: &self.diagonal[b], words: &self.words[b], halo: &self.halo[b] }
+        let (diagonal, words) = (&self.diagonal[b], self.words_of(b));
+        let uniform = self.is_uniform[b].then(|| UniformRow {
+            diagonal: diagonal[0][0],
+            pairs: [0, 2].map(|e| unpack_two(words[e][0][0])[0]),
+        });
+        BlockRows { diagonal, words, halo: &self.halo[self.element(b)], uniform }
     }
 
     /// Prefetches the rows of the next block.
     #[inline(always)]
     pub fn prefetch(&self, b: usize) {
-        prefetch(&self.words[b]);
-        prefetch(&self.halo[b]);
-        prefetch(&self.diagonal[b]);
+        if !self.is_uniform[b] {
+            prefetch(&self.words[b]);
+            prefetch(&self.halo[b]);
+            prefetch(&self.diagonal[b]);
+        }
     }
 }
 
@@ -63,26 +105,28 @@ pub struct BlockRows<'a> {
     pub diagonal: &'a [Plane; 3],
     pub words: &'a Words,
     pub halo: &'a Halo,
+    /// The row of each node, if the block is uniform.
+    pub uniform: Option<UniformRow>,
 }
 
-/// Encodes a row-major 2x2 block per lane as two words: (xx, mean of xy and yx), (yy, half of xy - yx).
+/// Encodes a row-major 2x2 block per lane as two words: (xx, xy), (yy, yx).
 #[inline(always)]
 pub fn encode<V: Lanes>([xx, xy, yx, yy]: [V; 4]) -> [V::Index; 2] {
-    [V::pack_bfloat16(xx, (xy + yx) * 0.5), V::pack_bfloat16(yy, (xy - yx) * 0.5)]
+    [V::pack_two(xx, xy), V::pack_two(yy, yx)]
 }
 
 /// Decodes the words of `encode` to row-major 2x2 blocks.
 #[inline(always)]
 pub fn decode<V: Lanes>([first, second]: [V::Index; 2]) -> [V; 4] {
-    let ((xx, mean), (yy, half)) = (V::unpack_bfloat16(first), V::unpack_bfloat16(second));
-    [xx, mean + half, mean - half, yy]
+    let ([xx, xy], [yy, yx]) = (V::unpack_two(first), V::unpack_two(second));
+    [xx, xy, yx, yy]
 }
 
 /// `decode` for one node.
 #[inline(always)]
 pub fn decode_one(words: [u32; 2]) -> [f32; 4] {
-    let [[xx, mean], [yy, half]] = words.map(unpack_bfloat16);
-    [xx, mean + half, mean - half, yy]
+    let [[xx, xy], [yy, yx]] = words.map(unpack_two);
+    [xx, xy, yx, yy]
 }
 
 /// Eight nodes of a block's halo that own an edge into the block.
@@ -240,12 +284,12 @@ impl Places {
     }
 }
 
-/// Gathers the halo's encoded pairs from the neighbour blocks.
-pub fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
+/// Gathers the halo's encoded pairs from the neighbour blocks; `words` returns a block's pairs.
+pub fn halo_words<'a>(words: impl Fn(usize) -> &'a Words, neighbours: &[u32; 9]) -> Halo {
     let mut halo = [[0; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
     for (g, &HaloGroup { edge, neighbour, slot: [first, step], .. }) in HALO_GROUPS.iter().enumerate() {
         if neighbours[neighbour] != NONE {
-            let from = &words[neighbours[neighbour] as usize][edge];
+            let from = &words(neighbours[neighbour] as usize)[edge];
             for (halo, from) in halo.iter_mut().zip(from) {
                 for k in 0..LANES {
                     halo[g * LANES + k] = from[first + k * step];
@@ -255,7 +299,7 @@ pub fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
     }
     for (n, &[edge, neighbour, slot, ..]) in HALO_CORNERS.iter().enumerate() {
         if neighbours[neighbour] != NONE {
-            let from = &words[neighbours[neighbour] as usize][edge];
+            let from = &words(neighbours[neighbour] as usize)[edge];
             for (halo, from) in halo.iter_mut().zip(from) {
                 halo[HALO_GROUPS.len() * LANES + n] = from[slot];
             }

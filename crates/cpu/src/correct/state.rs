@@ -3,7 +3,6 @@
 
 use super::super::run::Run;
 use super::super::state::flat;
-use super::rows::Rows;
 use super::{assemble, complete};
 use vrtm_core::allocation::Vec;
 
@@ -26,10 +25,10 @@ impl Run<'_> {
     /// four owned edges.
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
-        let Rows { diagonal, words, .. } = &self.memory.workspace.levels[level].rows;
-        for (diagonal, words) in diagonal.iter().zip(words) {
+        let rows = &self.memory.workspace.levels[level].rows;
+        for (b, diagonal) in rows.diagonal.iter().enumerate() {
             all.extend(flat(&[*diagonal]));
-            all.extend(words.as_flattened().as_flattened());
+            all.extend(rows.words_of(b).as_flattened().as_flattened());
         }
         all
     }
@@ -38,7 +37,7 @@ impl Run<'_> {
     pub fn step_of(&self, level: usize) -> [Vec<u32>; 2] {
         let workspace = &self.memory.workspace;
         let blocks = self.grid.levels[level].blocks.list.len();
-        let step = if level == 0 { &*self.result } else { &workspace.coarse_step[..blocks] };
+        let step = if level == 0 { &*self.result } else { &workspace.levels[0].planes_a[..blocks] };
         let fraction = workspace.levels[level].planes_a.iter().flat_map(|planes| planes[0].map(f32::to_bits));
         [flat(step), fraction.collect()]
     }

@@ -22,11 +22,6 @@ use super::rows::Rows;
 #[derive(Debug, Default)]
 pub struct Workspace {
     pub(super) levels: Vec<LevelMemory>,
-    /// The step of a correction on a coarser level. That of the finest level is stored in the memory of the result.
-    pub(super) coarse_step: Vec<[Plane; 2]>,
-    /// On the finest level, the step of the correction before, as two bfloat16 per node; 0 in blocks without movable
-    /// nodes.
-    last_step: Vec<Plane<u32>>,
     /// Step fraction per chart of the level's next correction; 0 if the last correction gained too little for another
     /// one.
     pub next_fraction: Vec<f32>,
@@ -36,7 +31,7 @@ pub struct Workspace {
 #[derive(Debug, Default)]
 pub(super) struct LevelMemory {
     pub(super) rows: Rows,
-    /// Pair of planes A.
+    /// Pair of planes A. The finest level has as many as the largest of all levels, for the steps of coarser levels.
     pub(super) planes_a: Vec<[Plane; 2]>,
     /// Pair of planes B; 0 in blocks without movable nodes, which no phase writes.
     planes_b: Vec<[Plane; 2]>,
@@ -46,28 +41,24 @@ impl Workspace {
     pub fn new(allocator: &mut Allocator, grid: &Grid) -> Workspace {
         let corrected = &grid.levels[..=grid.coarsest()];
         let mut levels = Vec::with_capacity(corrected.len());
-        for level in corrected {
+        let largest = corrected.iter().map(|level| level.blocks.list.len()).max();
+        for (k, level) in corrected.iter().enumerate() {
             let blocks = level.blocks.list.len();
             levels.push(LevelMemory {
                 rows: Rows::new(allocator, blocks),
-                planes_a: allocator.zeros(blocks),
+                planes_a: allocator.zeros(largest.filter(|_| k == 0).unwrap_or(blocks)),
                 planes_b: allocator.zeros(blocks),
             });
         }
-        let largest = corrected[1..].iter().map(|level| level.blocks.list.len()).max();
-        Workspace {
-            levels,
-            coarse_step: allocator.zeros(largest.unwrap_or(0)),
-            last_step: allocator.zeros(grid.levels[0].blocks.list.len()),
-            next_fraction: allocator.zeros(grid.movable.len()),
-        }
+        Workspace { levels, next_fraction: allocator.zeros(grid.movable.len()) }
     }
 
-    /// Begins a correction of `level`. The finest level's step is stored in `result`.
+    /// Begins a correction of `level`. The finest level's step is stored in `result`, that of a coarser level in the
+    /// finest level's planes A.
     pub fn assembling<'a>(&'a mut self, level: usize, result: &'a mut [[Plane; 2]]) -> Assembling<'a> {
-        let step = if level == 0 { result } else { &mut self.coarse_step };
-        let last_step = (level == 0).then_some(&mut *self.last_step);
-        Assembling { levels: &mut self.levels[level..], step, last_step }
+        let (finer, levels) = self.levels.split_at_mut(level);
+        let step = finer.first_mut().map_or(result, |finest| &mut finest.planes_a);
+        Assembling { levels, step }
     }
 }
 
@@ -75,7 +66,6 @@ impl Workspace {
 pub struct Assembling<'a> {
     levels: &'a mut [LevelMemory],
     step: &'a mut [[Plane; 2]],
-    last_step: Option<&'a mut [Plane<u32>]>,
 }
 
 impl<'a> Assembling<'a> {
@@ -94,7 +84,7 @@ impl<'a> Assembling<'a> {
             direction: &mut memory.planes_b,
             product: &mut buffers.value,
         });
-        Solving { levels: levels.collect(), step: self.step, last_step: self.last_step }
+        Solving { levels: levels.collect(), step: self.step }
     }
 }
 
@@ -104,8 +94,6 @@ pub struct Solving<'a, 's> {
     pub levels: Vec<SolvingLevel<'a, 's>>,
     /// At first still that of the correction before.
     pub step: &'a mut [[Plane; 2]],
-    /// Memory to keep that step in, on the finest level.
-    pub last_step: Option<&'a mut [Plane<u32>]>,
 }
 
 /// The matrix and the vectors of one level.
@@ -117,7 +105,8 @@ pub struct SolvingLevel<'a, 's> {
     /// of the coarser level. On the corrected level, conjugate gradients turn it into their search direction.
     pub direction: &'a mut [[Plane; 2]],
     /// The product of the matrix with a vector, or the V-cycle's result on the way down, in two planes; or A P 1 as
-    /// (xx, xy, yy) in three planes.
+    /// (xx, xy, yy) in three planes. In corrections that form no coarser level the third plane has the step of the
+    /// correction before, two numbers in a word per node.
     pub product: &'s mut [[Plane; 3]],
 }
 

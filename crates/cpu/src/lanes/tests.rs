@@ -55,10 +55,8 @@ impl Vectorised for Everything {
             {
                 keep(V::load_lengths(&codes, 0, lengths));
             }
-            let words = V::pack_bfloat16(a, b);
-            let (high, low) = V::unpack_bfloat16(words);
-            keep(high);
-            keep(low);
+            let words = V::pack_two(a, b);
+            V::unpack_two(words).into_iter().for_each(&mut keep);
             keep(V::from_array(V::index_to_array(words).map(|word| (word >> 8) as f32)));
             let records: [[f32; LANES]; LANES] =
                 std::array::from_fn(|r| std::array::from_fn(|c| (10 * r + c) as f32));

@@ -16,13 +16,6 @@ fn has_x86_order<S: Simd>(level: S) -> bool {
     cfg!(target_arch = "x86_64") && !level.level().is_fallback()
 }
 
-/// The bits, rounded to the upper 16, to even in a tie. The caller drops the lower 16.
-#[inline(always)]
-fn rounded<S: Simd>(x: f32x8<S>) -> u32x8<S> {
-    let bits: u32x8<S> = x.bitcast();
-    bits + (((bits >> 16) & 1) + 0x7fff)
-}
-
 /// `values[at..at + LANES]` as u32.
 #[inline(always)]
 fn codes<S: Simd>(values: &[u16], at: usize) -> u32x8<S> {
@@ -164,13 +157,31 @@ impl<S: Simd> Lanes for f32x8<S> {
     }
 
     #[inline(always)]
-    fn pack_bfloat16(high: Self, low: Self) -> u32x8<S> {
-        (rounded(high) & 0xffff_0000) | (rounded(low) >> 16)
+    fn bits(self) -> u32x8<S> {
+        self.bitcast()
     }
 
     #[inline(always)]
-    fn unpack_bfloat16(words: u32x8<S>) -> (Self, Self) {
-        ((words & 0xffff_0000).bitcast(), (words << 16).bitcast())
+    fn from_bits(bits: u32x8<S>) -> Self {
+        bits.bitcast()
+    }
+
+    #[inline(always)]
+    fn pack_two(x: Self, y: Self) -> u32x8<S> {
+        // What is left of a sum that cancels must not decide how x is rounded: its sign may differ on a GPU.
+        let is_nil = (y * y).le(x * x * (1.0 / (1u64 << 36) as f32));
+        let y = Mask::select(is_nil, Self::zero(), y);
+        let bits: u32x8<S> = y.bitcast();
+        let low = (bits + (((bits >> 16) & 1) + 0x7fff)) >> 16;
+        let bits: u32x8<S> = x.bitcast();
+        let whole = ((bits - low + 0x8000) & 0xffff_0000) | low;
+        // The lower half alone is a denormal number, which stands for 0.
+        Self::select_index((x * x).le(Self::zero()), low, whole)
+    }
+
+    #[inline(always)]
+    fn unpack_two(words: u32x8<S>) -> [Self; 2] {
+        [words.bitcast(), (words << 16).bitcast()]
     }
 
     #[inline(always)]

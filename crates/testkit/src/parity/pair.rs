@@ -5,7 +5,7 @@ use super::point::Point;
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::codes::unpack_bfloat16;
+use vrtm_core::grid::codes::unpack_two;
 use vrtm_core::grid::planes::NODES;
 use vrtm_core::method::acceptance::Correction;
 use vrtm_core::method::plan::Summary;
@@ -41,14 +41,10 @@ fn decoded(rows: &[u32]) -> Vec<u32> {
     for block in rows.chunks(ROW_PLANES * NODES) {
         all.extend_from_slice(&block[..3 * NODES]);
         for edge in block[3 * NODES..].chunks(2 * NODES) {
-            let half = |plane: usize, half: usize| {
-                edge[plane * NODES..][..NODES].iter().map(move |&word| unpack_bfloat16(word)[half])
-            };
-            let off = || half(0, 1).zip(half(1, 1));
-            all.extend(half(0, 0).map(f32::to_bits));
-            all.extend(off().map(|(mean, half)| (mean + half).to_bits()));
-            all.extend(off().map(|(mean, half)| (mean - half).to_bits()));
-            all.extend(half(1, 0).map(f32::to_bits));
+            for words in edge.chunks(NODES) {
+                let number = |n: usize| words.iter().map(move |&word| unpack_two(word)[n].to_bits());
+                all.extend(number(0).chain(number(1)));
+            }
         }
     }
     all
