@@ -231,7 +231,7 @@ fn work_is_bounded() {
             (Quality::Draft, None, [0, 1], [0, 1]),
             (Quality::Normal, None, [2, 2], [4, 1]),
             (Quality::Normal, Some(1), [2, 2], [1, 1]),
-            (Quality::Draft, Some(7), [3, 2], [7, 1]),
+            (Quality::Draft, Some(7), [5, 2], [7, 1]),
         ] {
             let options = SolveOptions { quality, max_corrections: most, ..SolveOptions::default() };
             asset.solve(model.frame(1), &options).unwrap();

@@ -112,9 +112,9 @@ impl Plan {
         } else if most <= CORRECTIONS {
             ([2, 2], [most, 1], 3e-3, true)
         } else {
-            // They gain hardly any energy, and let rounding decide where crowded charts end. A third sweep makes the
-            // warp of crowded charts smoother in the pose.
-            ([3, 2], [most, 1], 1e-4, false)
+            // They gain hardly any energy, and let rounding decide where crowded charts end. More sweeps make the warp of
+            // crowded charts smoother in the pose.
+            ([5, 2], [most, 1], 1e-4, false)
         };
         let continuation = if draft { 1.0 } else { 2.0 };
         // A second iteration on level 1 lowers the strain of a draft by a tenth, for a fifth of its time, and makes
