@@ -17,8 +17,7 @@ pub fn window_vectors() -> impl Iterator<Item = usize> {
 /// Rigidities in the window of block `b`; 0 where no block is stored. Returns whether any is above 0.
 #[inline(always)]
 pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) -> bool {
-    let mut codes: Window<u16> = [0; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b], &mut codes);
+    let codes = window::of(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b]);
     let mut most = V::zero();
     for at in window_vectors() {
         let rigidity = V::load_u16(&codes, at) * (1.0 / codes::RIGIDITY_STEPS);
@@ -31,8 +30,7 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) -> bool {
 /// Mobilities in the window of block `b`, 1 or 0; 0 where no block is stored.
 #[inline(always)]
 pub fn movable<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
-    let mut codes: Window<u8> = [0; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], 0, |b| &level.movable[b], &mut codes);
+    let codes = window::of(&level.blocks.neighbours[b], 0, |b| &level.movable[b]);
     for at in window_vectors() {
         V::load_u8(&codes, at).store(out, at);
     }
@@ -46,8 +44,7 @@ pub fn stiffen<'a, V: Lanes>(
     b: usize,
     rigidity: &mut Window,
 ) {
-    let mut codes: Window<u16> = [0; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], 0, multiplier, &mut codes);
+    let codes = window::of(&level.blocks.neighbours[b], 0, multiplier);
     // Vectors overlap, so that what has been stiffened must not be read again.
     let whole = *rigidity;
     for at in window_vectors() {
@@ -60,13 +57,11 @@ pub fn stiffen<'a, V: Lanes>(
 #[inline(always)]
 pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window) {
     let lengths = level.lengths[level.blocks.list[b].chart as usize][e];
-    let mut codes: Window<u16> = [0; WINDOW_NODES];
-    window::load(
+    let codes = window::of(
         &level.blocks.neighbours[b],
         0,
         #[inline(always)]
         |b| &level.rest_length[b][e],
-        &mut codes,
     );
     for at in window_vectors() {
         V::load_lengths(&codes, at, lengths).store(out, at);
@@ -75,7 +70,5 @@ pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window
 
 /// Weights of the interpolation P in the window of a block with the given neighbour blocks; 0 where no block is stored.
 pub fn interpolation(level: &Level, neighbours: &[u32; 9]) -> Window {
-    let mut codes: Window<u8> = [0; WINDOW_NODES];
-    window::load(neighbours, 0, |b| &level.interpolation[b], &mut codes);
-    codes.map(codes::decode_weight)
+    window::of(neighbours, 0, |b| &level.interpolation[b]).map(codes::decode_weight)
 }

@@ -9,7 +9,7 @@ use super::sampling::resample::Start;
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
-use vrtm_core::grid::window::{self, WINDOW_NODES, place};
+use vrtm_core::grid::window::{self, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::SharedSlice;
 
@@ -108,10 +108,9 @@ pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a, const N: usize>(
     }
     let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
     let mut nodes = [[[0.0; REACH]; REACH]; N];
-    let mut window = [T::default(); WINDOW_NODES];
     for (c, nodes) in nodes.iter_mut().enumerate() {
         let neighbours = &coarse_level.blocks.neighbours[parent as usize];
-        window::load(neighbours, T::default(), |b| coarse(b, c), &mut window);
+        let window = window::of(neighbours, T::default(), |b| coarse(b, c));
         for (j, row) in nodes.iter_mut().enumerate() {
             for (i, node) in row.iter_mut().enumerate() {
                 *node = window[place(x + i, y + j)].into();

@@ -4,7 +4,7 @@
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::window::{self, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::method::law::STEP_MIN_JACOBIAN;
 use vrtm_core::team::Team;
@@ -141,13 +141,7 @@ pub(super) fn add(
 /// Certificate of a block; and factors of its nodes' fractions, 0 to 1, if a cell at them is crushed.
 fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> (Certificate, Option<Plane>) {
     let certificate = certify_block(level, u, b);
-    let load = |u: &[[Plane; 2]]| {
-        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        for (c, window) in windows.iter_mut().enumerate() {
-            window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
-        }
-        windows
-    };
+    let load = |u: &[[Plane; 2]]| window::planes::<2>(&level.blocks.neighbours[b], |b, c| &u[b][c]);
     // Rounding may leave a corner a little under the bound before the blend, too.
     let bound = 0.99 * f64::from(STEP_MIN_JACOBIAN);
     if certificate.min_jacobian >= bound {
@@ -204,8 +198,7 @@ fn part_of([start, half, whole]: [f64; 3], bound: f64) -> f64 {
 
 /// A block's fractions, at most those of their neighbours plus `slope`.
 fn fallen_off(level: &Level, fractions: &[Plane], b: usize, slope: f32) -> Plane {
-    let mut window: Window = [1.0; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], 1.0, |b| &fractions[b], &mut window);
+    let window = window::of(&level.blocks.neighbours[b], 1.0, |b| &fractions[b]);
     let mut out = fractions[b];
     for j in 0..SIDE {
         for i in 0..SIDE {

@@ -4,7 +4,7 @@ use super::Level;
 use super::features::{Features, LEAST_EDGES, LEVELS, Pieces};
 use super::node_set::{NodeSet, NodeWindow};
 use super::planes::{EDGES, NODES, Plane, SIDE, node_at, slot};
-use super::window::{self, WINDOW_NODES, Window, place};
+use super::window::{self, place};
 use crate::allocation::{Vec, vec, zeroed};
 use crate::mesh::NONE;
 use crate::sets::{grouped, root};
@@ -201,10 +201,8 @@ fn coarser(level: &Level, names: &[Plane<u32>], b: usize) -> OfBlock {
     if names[b].iter().all(|&name| name == NONE) {
         return (tags, own);
     }
-    let mut window: Window<u32> = [NONE; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], NONE, |b| &names[b], &mut window);
-    let mut movable: Window<u8> = [0; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], 0, |b| &level.movable[b], &mut movable);
+    let window = window::of(&level.blocks.neighbours[b], NONE, |b| &names[b]);
+    let movable = window::of(&level.blocks.neighbours[b], 0, |b| &level.movable[b]);
     for (s, &name) in names[b].iter().enumerate().filter(|(_, name)| **name != NONE) {
         let piece = own.iter().position(|[feature, _]| *feature == name).unwrap_or(own.len());
         if piece == own.len() {

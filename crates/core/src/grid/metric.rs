@@ -32,10 +32,9 @@ pub fn restrict_block(level: &Level, finer: &Level, fine: &[[Plane; 3]], b: usiz
 /// Coverage of one block: the 3x3 Gaussian of the finer level's coverage.
 pub fn restrict_coverage(level: &Level, finer: &Level, b: usize) -> Plane {
     let mut out = [0.0; NODES];
-    let mut window = [0.0f32; WINDOW_NODES];
     for (quarter, &child) in level.children[b].iter().enumerate() {
         if child != NONE {
-            window::load(&finer.blocks.neighbours[child as usize], 0.0, |b| &finer.coverage[b], &mut window);
+            let window = window::of(&finer.blocks.neighbours[child as usize], 0.0, |b| &finer.coverage[b]);
             each_coarse_node(quarter, |s, i, j| out[s] = gaussian(&window, &[1.0; WINDOW_NODES], i, j).0);
         }
     }

@@ -34,10 +34,9 @@ pub fn coarser_block(
     out: &mut Plane<u16>,
 ) {
     *out = [0; NODES];
-    let mut window = [0u16; WINDOW_NODES];
     let mut values = [0.0f32; WINDOW_NODES];
     for (quarter, &child) in children.iter().enumerate().filter(|(_, child)| **child != NONE) {
-        window::load(&finer.neighbours[child as usize], 0, |b| &codes[b], &mut window);
+        let window = window::of(&finer.neighbours[child as usize], 0, |b| &codes[b]);
         values.iter_mut().zip(&window).for_each(|(value, &code)| *value = decode_rigidity(code));
         let relevant_here = finer.window(relevant_finer, child as usize);
         for j in 0..SIDE / 2 {

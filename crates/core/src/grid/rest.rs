@@ -162,8 +162,7 @@ impl<'a> Chords<'a> {
     fn block(&self, grid: &Grid, b: usize, Scratch { lengths: out, samples }: &mut Scratch) {
         let level = &grid.levels[0];
         let Block { x, y, chart, .. } = level.blocks.list[b];
-        let mut triangles = [NONE; WINDOW_NODES];
-        window::load(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b], &mut triangles);
+        let triangles = window::of(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b]);
         samples.fill(None);
         // Nodes that are neighbours are often on the same triangle.
         let mut present: Option<(u32, TriangleInSpace)> = None;

@@ -34,6 +34,18 @@ pub fn load<'a, T: Copy + 'a>(
     copy(planes, default, window);
 }
 
+/// The window that `load` fills.
+#[inline(always)]
+pub fn of<'a, T: Copy + 'a>(
+    neighbours: &[u32; 9],
+    default: T,
+    plane: impl Fn(usize) -> &'a Plane<T>,
+) -> Window<T> {
+    let mut window = [default; WINDOW_NODES];
+    load(neighbours, default, plane, &mut window);
+    window
+}
+
 /// The windows of several planes of a block, 0 in the halo where a neighbour block is not stored; `plane(b, c)` is
 /// plane `c` of block `b`.
 #[inline(always)]

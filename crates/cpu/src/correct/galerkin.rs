@@ -12,7 +12,7 @@ use super::transfer::{RestrictQuarter, active_neighbours};
 use super::workspace::SolvingLevel;
 use vrtm_core::grid::codes::decode_weight;
 use vrtm_core::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::grid::window::{self, Window, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::team::SharedSlice;
 
@@ -34,8 +34,7 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
         let (sums, words) = unsafe { (sums.get_mut(b), words.get_mut(b)) };
         *sums = [[0.0; NODES]; 3];
         *words = [[[0; NODES]; 2]; 4];
-        let mut movable = [0; WINDOW_NODES];
-        window::load(&level.blocks.neighbours[b], 0, |b| &level.movable[b], &mut movable);
+        let movable = window::of(&level.blocks.neighbours[b], 0, |b| &level.movable[b]);
         for (quarter, &child) in level.children[b].iter().enumerate() {
             if child == NONE || !fine_level.blocks.list[child as usize].active {
                 continue;

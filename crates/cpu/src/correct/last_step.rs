@@ -50,9 +50,8 @@ impl Run<'_> {
         let grid = &self.grid.levels[level];
         let next = |b: usize| rows.prefetch(b);
         let products = self.sum_blocks(level, next, |_, b| {
-            let mut words = [0.0; WINDOW_NODES];
-            window::load(&active_neighbours(grid, b), 0.0, |b| &product[b][2], &mut words);
-            let (rows, words) = (rows.block(b), &words);
+            let words = &window::of(&active_neighbours(grid, b), 0.0, |b| &product[b][2]);
+            let rows = rows.block(b);
             let (vectors, residual) = ([&solving.step[b], &direction[b]], &residual[b]);
             DVec4::from(dispatch(Products { rows, words, vectors, residual }).map(f64::from))
         });

@@ -68,11 +68,11 @@ pub fn limit<'a>(run: &Run, level: usize, limiting: Limiting<'a>) -> Stepping<'a
         run.team.fill(&mut marked, |k, marked| {
             let b = blocks[k] as usize;
             let mut u: [Window; 2] = window::planes(&grid.blocks.neighbours[b], |b, c| &u[b][c]);
-            let (mut step, mut fractions) = (step_window(b), [1.0; WINDOW_NODES]);
+            let mut step = step_window(b);
             // SAFETY: fractions are only read, and each item has its own marks.
-            let mark = unsafe {
-                window::load(&active_neighbours(grid, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
-                &mut mark.get_mut(b)[0]
+            let (fractions, mark) = unsafe {
+                let fractions = window::of(&active_neighbours(grid, b), 1.0, |b| &fraction.get(b)[0]);
+                (fractions, &mut mark.get_mut(b)[0])
             };
             for c in 0..2 {
                 for n in 0..WINDOW_NODES {
@@ -93,11 +93,10 @@ pub fn limit<'a>(run: &Run, level: usize, limiting: Limiting<'a>) -> Stepping<'a
         }
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            let mut marks: Window = [1.0; WINDOW_NODES];
             // SAFETY: marks are only read, and each item has its own fractions.
-            let fraction = unsafe {
-                window::load(&active_neighbours(grid, b), 1.0, |b| &mark.get(b)[0], &mut marks);
-                &mut fraction.get_mut(b)[0]
+            let (marks, fraction) = unsafe {
+                let marks = window::of(&active_neighbours(grid, b), 1.0, |b| &mark.get(b)[0]);
+                (marks, &mut fraction.get_mut(b)[0])
             };
             dispatch(Shrink { marks: &marks, fraction });
         });
