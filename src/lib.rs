@@ -66,14 +66,8 @@
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 
-/// Returns an error of a wrong argument, with this message, unless the condition holds.
-macro_rules! ensure {
-    ($condition:expr, $($message:tt)+) => {
-        if !$condition {
-            return Err(vrtm_core::error::Error::argument(format!($($message)+)));
-        }
-    };
-}
+#[macro_use(ensure)]
+extern crate vrtm_core;
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 mod device;

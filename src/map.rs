@@ -15,7 +15,7 @@ use std::ops::RangeInclusive;
 
 use glam::DVec2;
 
-use vrtm_core::error::{Error, Result};
+use vrtm_core::error::Result;
 use vrtm_core::mesh::TileMesh;
 
 /// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third channel, which
@@ -73,12 +73,10 @@ impl FetchKind {
     #[doc(hidden)]
     pub fn check_channels(self, name: impl Display, channels: u32) -> Result<()> {
         let all = self.all_channels();
-        if all.contains(&channels) {
-            return Ok(());
-        }
         let (first, last) = (all.start(), all.end());
         let range = if first == last { format!("{first}") } else { format!("{first} to {last}") };
-        Err(Error::argument(format!("{name}: {channels} channels, but its kind has {range}")))
+        ensure!(all.contains(&channels), "{name}: {channels} channels, but its kind has {range}");
+        Ok(())
     }
 
     /// True for the forms of the redirection, which may have a fourth channel.

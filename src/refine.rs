@@ -89,8 +89,7 @@ impl Results {
     pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
         let RefinementSettings { uv_set, tolerance, max_triangles } = *settings;
         let (device, mesh) = (self.device(), self.mesh());
-        let sets = mesh.corners.len();
-        ensure!((uv_set as usize) < sets, "uv_set: {uv_set} is out of range, there are {sets}");
+        mesh.check_uv_set(uv_set)?;
         ensure!(tolerance > 0.0 && tolerance <= 1.0, "tolerance: {tolerance} is not over 0 and at most 1");
         self.solved_asset()?;
         device.call(|| {

@@ -173,8 +173,8 @@ impl<'a> CarrierSettings<'a> {
             }
             Bind::Nearest { positions, farthest } => {
                 check_array("positions", &positions, &[3])?;
-                if let Some(farthest) = farthest.filter(|farthest| farthest.is_nan() || *farthest < 0.0) {
-                    return Err(Error::argument(format!("farthest: {farthest} is not at least 0")));
+                if let Some(farthest) = farthest {
+                    ensure!(farthest >= 0.0, "farthest: {farthest} is not at least 0");
                 }
                 (positions.len(), "positions")
             }

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use vrtm_core::allocation::{Vec, vec};
-use vrtm_core::error::{Error, Result};
+use vrtm_core::error::{Result, ensure};
 use vrtm_core::mesh::overlaps::Overlaps;
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
@@ -303,15 +303,10 @@ fn check_corners(mesh: &Mesh, corners: &[[u32; 3]], weights: &Strided) -> Result
     for (k, &[a, b, c]) in corners.iter().enumerate() {
         let face = mesh.faces.partition_point(|&first| first <= a) - 1;
         let is_of = |corner: u32| face + 1 < mesh.faces.len() && mesh.face(face).contains(&(corner as usize));
-        if !(is_of(a) && is_of(b) && is_of(c)) {
-            return Err(Error::argument(format!(
-                "corners[{k}]: {a}, {b}, {c} are not three corners of one face"
-            )));
-        }
-        let [a, b, c] = scaled(weights, k);
-        if (a + b + c).abs() <= 1e-6 {
-            return Err(Error::argument(format!("weights[{k}]: their sum is 0")));
-        }
+        let are_of_face = is_of(a) && is_of(b) && is_of(c);
+        ensure!(are_of_face, "corners[{k}]: {a}, {b}, {c} are not three corners of one face");
+        let sum: f64 = scaled(weights, k).iter().sum();
+        ensure!(sum.abs() > 1e-6, "weights[{k}]: their sum is 0");
         faces.push(face as u32);
     }
     Ok(faces)

@@ -55,3 +55,15 @@ impl std::error::Error for Error {}
 
 /// Shorthand for results of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// Returns an error of a wrong argument, with this message, unless the condition holds.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! ensure {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($crate::error::Error::argument(format!($($message)+)));
+        }
+    };
+}
+pub use ensure;

@@ -9,7 +9,7 @@ pub mod texels;
 use std::marker::PhantomData;
 
 use crate::allocation::Vec;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, ensure};
 use format::{PixelFormat, decode};
 use map::{Map, TexelRect};
 
@@ -74,9 +74,7 @@ impl ImageLayout {
     #[doc(hidden)]
     pub fn resolve_output(&self, name: &str, data: *const u8) -> Result<TexelLayout> {
         let channels = self.channels.unwrap_or(2);
-        if !(1..=4).contains(&channels) {
-            return Err(Error::argument(format!("{name}: channels is {channels}, not 1 to 4")));
-        }
+        ensure!((1..=4).contains(&channels), "{name}: channels is {channels}, not 1 to 4");
         self.resolve_within(name, channels, usize::MAX - data.addr())
     }
 
@@ -85,9 +83,7 @@ impl ImageLayout {
     #[doc(hidden)]
     pub fn resolve_within(&self, name: &str, channels: u32, most: usize) -> Result<TexelLayout> {
         let &ImageLayout { width, height, format, origin, .. } = self;
-        if width == 0 || height == 0 {
-            return Err(Error::argument(format!("{name}: the size is {width}x{height}, a side is zero")));
-        }
+        ensure!(width > 0 && height > 0, "{name}: the size is {width}x{height}, a side is zero");
         let most = most.min(isize::MAX as usize);
         let texel = format.size() * channels as usize;
         // `last` steps of `stride` bytes, then `size` bytes.
@@ -96,15 +92,12 @@ impl ImageLayout {
             bytes.filter(|&n| n <= most)
         };
         let packed = span(width - 1, texel, texel).and_then(|row| span(height - 1, row, row));
-        if packed.is_none() {
-            return Err(Error::argument(format!("{name}: {width}x{height} texels are too large")));
-        }
+        ensure!(packed.is_some(), "{name}: {width}x{height} texels are too large");
         let pixel_stride = self.pixel_stride.unwrap_or(texel);
-        if pixel_stride < texel {
-            return Err(Error::argument(format!(
-                "{name}: pixel_stride is {pixel_stride} bytes, smaller than a texel ({texel} bytes)"
-            )));
-        }
+        ensure!(
+            pixel_stride >= texel,
+            "{name}: pixel_stride is {pixel_stride} bytes, smaller than a texel ({texel} bytes)"
+        );
         let too_far = |stride: &str, bytes: usize, count: u32, what: &str| {
             Error::argument(format!(
                 "{name}: {stride} is {bytes} bytes: {count} {what} that far apart exceed the address space"
@@ -117,11 +110,10 @@ impl ImageLayout {
             || if height == 1 { Ok(row) } else { pixel_stride.checked_mul(width as usize).ok_or_else(wide) },
             Ok,
         )?;
-        if row_stride < row {
-            return Err(Error::argument(format!(
-                "{name}: row_stride is {row_stride} bytes, smaller than a row ({row} bytes)"
-            )));
-        }
+        ensure!(
+            row_stride >= row,
+            "{name}: row_stride is {row_stride} bytes, smaller than a row ({row} bytes)"
+        );
         let bytes = span(height - 1, row_stride, row).ok_or_else(|| match self.row_stride {
             Some(stride) => too_far("row_stride", stride, height, "rows"),
             None => wide(),
@@ -222,10 +214,7 @@ impl<'a> ImageView<'a> {
         for y in rect.first[1]..rect.end[1] {
             for x in rect.first[0]..rect.end[0] {
                 let value = decode(self.layout.format, &self.bytes[self.layout.offset(x, y)..]);
-                if !value.is_finite() {
-                    let row = self.layout.row(y);
-                    return Err(Error::argument(format!("{name}: texel ({x}, {row}) is {value}")));
-                }
+                ensure!(value.is_finite(), "{name}: texel ({x}, {}) is {value}", self.layout.row(y));
             }
         }
         Ok(())
@@ -237,12 +226,14 @@ impl<'a> ImageView<'a> {
         let ([width, height], _) = self.shape();
         let [first, size] = [first, size].map(|pair| pair.map(|x| x as usize));
         let end = [first[0] + size[0], first[1] + size[1]];
-        if size.contains(&0) || end[0] > width || end[1] > height {
-            return Err(Error::argument(format!(
-                "{name}: the part of {}x{} texels at ({}, {}) is empty or not inside of {width}x{height}",
-                size[0], size[1], first[0], first[1]
-            )));
-        }
+        ensure!(
+            !size.contains(&0) && end[0] <= width && end[1] <= height,
+            "{name}: the part of {}x{} texels at ({}, {}) is empty or not inside of {width}x{height}",
+            size[0],
+            size[1],
+            first[0],
+            first[1]
+        );
         // Rows run in the same direction as in memory, or in the opposite one.
         let [a, b] = [self.layout.row(first[1]), self.layout.row(end[1] - 1)];
         Ok(TexelRect { first: [first[0], a.min(b)], end: [end[0], a.max(b) + 1] })
@@ -323,12 +314,11 @@ impl<'a> ImageViewMut<'a> {
     pub fn part_of(mut self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<ImageViewMut<'a>> {
         let own = self.part.extent();
         let [size, first] = [size, first].map(|pair| pair.map(|x| x as usize));
-        if (0..2).any(|axis| first[axis] + own[axis] > size[axis]) {
-            return Err(Error::argument(format!(
-                "{name}: its {}x{} texels at ({}, {}) are not inside of {}x{}",
-                own[0], own[1], first[0], first[1], size[0], size[1]
-            )));
-        }
+        let ([w, h], [x, y], [width, height]) = (own, first, size);
+        ensure!(
+            x + w <= width && y + h <= height,
+            "{name}: its {w}x{h} texels at ({x}, {y}) are not inside of {width}x{height}"
+        );
         let row = match self.layout.origin {
             Origin::Bottom => first[1],
             Origin::Top => size[1] - first[1] - own[1],

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::allocation::Vec;
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 pub use source::{POSITION_TOLERANCE, UV_TOLERANCE};
@@ -323,10 +323,8 @@ impl Mesh {
     /// Refuses an unknown UV set.
     pub fn check_uv_set(&self, uv_set: u32) -> Result<()> {
         let sets = self.corners.len();
-        if (uv_set as usize) < sets {
-            return Ok(());
-        }
-        Err(Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}")))
+        ensure!((uv_set as usize) < sets, "uv_set: {uv_set} is out of range, there are {sets}");
+        Ok(())
     }
 
     /// The layers of a tile's UDIM number, as indices of tiles.

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::allocation::HostAllocator;
-use crate::declare::settings;
-use crate::error::{Error, Result};
+use crate::declare::{self, settings};
+use crate::error::{Result, ensure};
 use crate::log::LogFn;
 use crate::team::Executor;
 
@@ -228,22 +228,19 @@ impl TileSettings {
     #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
         self.check_limits()?;
-        if !(self.seam_reach > 0.0 && self.seam_reach <= MAX_SEAM_REACH) {
-            let message = format!("settings.seam_reach: {} is not over 0 and at most 0.5", self.seam_reach);
-            return Err(Error::argument(message));
-        }
-        if let Some(beyond) = self.beyond()
-            && self.orientation_density > 0.0
-        {
+        let reach = self.seam_reach;
+        let can_be = reach > 0.0 && reach <= MAX_SEAM_REACH;
+        ensure!(can_be, "settings.seam_reach: {reach} is not over 0 and at most 0.5");
+        if let Some(beyond) = self.beyond() {
             let name = if beyond.seams { "seams" } else { "open_borders" };
             let message = "charts cannot go on beyond their borders with settings.orientation_density over 0";
-            return Err(Error::argument(format!("settings.{name}: {message}")));
+            let has_densities = self.orientation_density > 0.0;
+            ensure!(!has_densities, "settings.{name}: {message}");
         }
         for (side, n) in ["width", "height"].into_iter().zip(self.grid) {
-            if let Some(n) = n.filter(|n| !(1..=MAX_GRID).contains(n)) {
-                let message = format!("settings.grid: a {side} of {n} cells is not between 1 and {MAX_GRID}");
-                return Err(Error::argument(message));
-            }
+            let Some(n) = n else { continue };
+            let can_be = (1..=MAX_GRID).contains(&n);
+            ensure!(can_be, "settings.grid: a {side} of {n} cells is not between 1 and {MAX_GRID}");
         }
         Ok(())
     }
@@ -366,13 +363,11 @@ impl SolveOptions {
             return self.pbd.check_limits();
         }
         self.check_limits()?;
-        if let Some(tolerance) = self.tolerance.filter(|x| !(*x > 0.0 && *x < 1.0)) {
-            return Err(Error::argument(format!("options.tolerance: {tolerance} is not over 0 and under 1")));
+        if let Some(x) = self.tolerance {
+            ensure!(x > 0.0 && x < 1.0, "options.tolerance: {x} is not over 0 and under 1");
         }
-        if let Some(n) = self.max_corrections.filter(|n| !(1..=MAX_CORRECTIONS).contains(n)) {
-            return Err(Error::argument(format!(
-                "options.max_corrections: {n} is not between 1 and {MAX_CORRECTIONS}"
-            )));
+        if let Some(n) = &self.max_corrections {
+            declare::check("options.max_corrections", n, &(1..=MAX_CORRECTIONS))?;
         }
         Ok(())
     }

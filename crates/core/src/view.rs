@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 
 use crate::allocation::Vec;
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 
 /// The number format of an array's components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,21 +109,16 @@ impl<'a> Strided<'a> {
     ) -> Result<Strided<'a>> {
         let element = scalar.size() * components;
         let stride = if stride == 0 { element } else { stride };
-        if stride < element {
-            return Err(Error::argument(format!(
-                "{name}: stride is {stride} bytes, smaller than an element ({element} bytes)"
-            )));
-        }
+        ensure!(
+            stride >= element,
+            "{name}: stride is {stride} bytes, smaller than an element ({element} bytes)"
+        );
         let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(element));
-        match needed {
-            Some(needed) if needed <= bytes.len() => {}
-            _ => {
-                return Err(Error::argument(format!(
-                    "{name}: {count} elements with stride {stride} do not fit into {} bytes",
-                    bytes.len()
-                )));
-            }
-        }
+        let given = bytes.len();
+        ensure!(
+            needed.is_some_and(|needed| needed <= given),
+            "{name}: {count} elements with stride {stride} do not fit into {given} bytes"
+        );
         Ok(Strided { bytes, scalar, components, count, stride, factor: 1.0 })
     }
 
@@ -238,10 +233,8 @@ impl<'a> Strided<'a> {
         let Some(i) = bad else { return Ok(()) };
         for c in 0..self.components {
             let value = self.get(i, c);
-            if !good(value) {
-                let why = if value.is_finite() { ", which is beyond f32" } else { "" };
-                return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}{why}")));
-            }
+            let why = if value.is_finite() { ", which is beyond f32" } else { "" };
+            ensure!(good(value), "{name}[{i}]: component {c} is {value}{why}");
         }
         Ok(())
     }

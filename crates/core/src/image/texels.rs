@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::view::as_bytes;
 
 use super::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
@@ -43,9 +43,7 @@ impl OutputTexel for f32 {}
 /// The packed layout of `count` texels that are to be as many as an image of this size has.
 fn layout<T: sealed::Texel>(name: &str, count: usize, [width, height]: [u32; 2]) -> Result<ImageLayout> {
     let needed = u64::from(width) * u64::from(height);
-    if count as u64 != needed {
-        return Err(Error::argument(format!("{name}: {count} texels given, {width}x{height} are {needed}")));
-    }
+    ensure!(count as u64 == needed, "{name}: {count} texels given, {width}x{height} are {needed}");
     Ok(ImageLayout::packed(width, height, T::FORMAT).with_channels(T::CHANNELS))
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 
 use super::NONE;
 use super::source::{MeshSource, UvSource};
@@ -29,15 +29,10 @@ pub(super) fn faces<'a>(source: &MeshSource<'a>) -> Box<dyn Iterator<Item = Rang
 /// Validates all arrays.
 pub(super) fn check(source: &MeshSource) -> Result<()> {
     let MeshSource { positions, indices, .. } = *source;
-    if positions.components() != 3 {
-        return Err(Error::argument("positions: three components are needed"));
-    }
-    if positions.is_empty() || indices.is_empty() {
-        return Err(Error::argument("positions, indices: the mesh is empty"));
-    }
-    if positions.len() >= NONE as usize || indices.len() >= NONE as usize {
-        return Err(Error::argument("positions, indices: more than 2^32 - 2 elements"));
-    }
+    ensure!(positions.components() == 3, "positions: three components are needed");
+    ensure!(!positions.is_empty() && !indices.is_empty(), "positions, indices: the mesh is empty");
+    let most = positions.len().max(indices.len());
+    ensure!(most < NONE as usize, "positions, indices: more than 2^32 - 2 elements");
     positions.check_finite("positions")?;
     let faces = check_faces(source)?;
     check_indices("indices", indices, "vertex", positions.len())?;
@@ -47,13 +42,11 @@ pub(super) fn check(source: &MeshSource) -> Result<()> {
     }
     for (k, &[a, b]) in source.seams.iter().enumerate() {
         let vertices = positions.len();
-        if let Some(v) = [a, b].into_iter().find(|&v| v as usize >= vertices) {
-            let message = format!("seams[{k}]: vertex {v} is out of range, there are {vertices}");
-            return Err(Error::argument(message));
+        for v in [a, b] {
+            let is_there = (v as usize) < vertices;
+            ensure!(is_there, "seams[{k}]: vertex {v} is out of range, there are {vertices}");
         }
-        if a == b {
-            return Err(Error::argument(format!("seams[{k}]: both vertices are {a}")));
-        }
+        ensure!(a != b, "seams[{k}]: both vertices are {a}");
     }
     if let Some(chosen) = source.textured_faces {
         check_indices("textured_faces", chosen, "face", faces)?;
@@ -70,89 +63,63 @@ fn check_faces(source: &MeshSource) -> Result<usize> {
         }
         (Some(counts), None) => {
             let sum: u64 = counts.iter().map(|&n| u64::from(n)).sum();
-            if sum != corners as u64 {
-                return Err(Error::argument(format!(
-                    "face_counts: they add up to {sum} corners, but indices has {corners}"
-                )));
-            }
+            let all = corners as u64;
+            ensure!(sum == all, "face_counts: they add up to {sum} corners, but indices has {corners}");
             Ok(counts.len())
         }
         (None, Some(offsets)) => {
-            if offsets.first() != Some(&0) {
-                return Err(Error::argument("face_offsets[0]: the first face begins at corner 0"));
-            }
+            ensure!(offsets.first() == Some(&0), "face_offsets[0]: the first face begins at corner 0");
             if let Some(k) = offsets.windows(2).position(|w| w[1] < w[0]) {
                 let [before, now] = [offsets[k], offsets[k + 1]];
                 return Err(Error::argument(format!("face_offsets[{}]: {now} after {before}", k + 1)));
             }
-            let last = offsets.len() - 1;
-            if offsets[last] as usize != corners {
-                return Err(Error::argument(format!(
-                    "face_offsets[{last}]: the last one is {}, but indices has {corners} corners",
-                    offsets[last]
-                )));
-            }
+            let (last, end) = (offsets.len() - 1, offsets[offsets.len() - 1]);
+            ensure!(
+                end as usize == corners,
+                "face_offsets[{last}]: the last one is {end}, but indices has {corners} corners"
+            );
             Ok(last)
         }
-        (None, None) if !corners.is_multiple_of(3) => Err(Error::argument(format!(
-            "indices: {corners} corners are no whole number of triangles (face_counts is absent)"
-        ))),
-        (None, None) => Ok(corners / 3),
+        (None, None) => {
+            ensure!(
+                corners.is_multiple_of(3),
+                "indices: {corners} corners are no whole number of triangles (face_counts is absent)"
+            );
+            Ok(corners / 3)
+        }
     }
 }
 
 /// Checks a UV set, which messages call `name`.
 fn check_uvs(source: &MeshSource, uvs: &UvSource, name: &str) -> Result<()> {
-    let corners = source.indices.len();
-    match uvs.v {
-        Some(v) if v.len() != uvs.u.len() => {
-            return Err(Error::argument(format!(
-                "{name}.v: {} values, but {name}.u has {}",
-                v.len(),
-                uvs.u.len()
-            )));
-        }
-        None if uvs.u.components() != 2 => {
-            return Err(Error::argument(format!(
-                "{name}.u: two components are needed where {name}.v is absent"
-            )));
-        }
-        _ => {}
-    }
+    let (corners, count) = (source.indices.len(), uvs.u.len());
+    let (of_v, has_pairs) = (uvs.v.map_or(count, |v| v.len()), uvs.u.components() == 2);
+    ensure!(of_v == count, "{name}.v: {of_v} values, but {name}.u has {count}");
+    ensure!(uvs.v.is_some() || has_pairs, "{name}.u: two components are needed where {name}.v is absent");
     uvs.u.check_f32(&format!("{name}.u"))?;
     if let Some(v) = uvs.v {
         v.check_f32(&format!("{name}.v"))?;
     }
     let Some(indices) = uvs.indices else {
-        if uvs.u.len() != corners {
-            return Err(Error::argument(format!(
-                "{name}.u: {} values, but there are {corners} corners ({name}.indices is absent)",
-                uvs.u.len()
-            )));
-        }
+        ensure!(
+            count == corners,
+            "{name}.u: {count} values, but there are {corners} corners ({name}.indices is absent)"
+        );
         return Ok(());
     };
-    if indices.len() != corners {
-        return Err(Error::argument(format!(
-            "{name}.indices: {} corners, but indices has {corners}",
-            indices.len()
-        )));
-    }
-    let count = uvs.u.len();
-    if let Some(at) = indices.iter().position(|&i| i as usize >= count && i != NO_UV) {
-        return Err(Error::argument(format!(
-            "{name}.indices[{at}]: uv {} is out of range, there are {count}",
-            indices[at]
-        )));
+    let given = indices.len();
+    ensure!(given == corners, "{name}.indices: {given} corners, but indices has {corners}");
+    for (at, &i) in indices.iter().enumerate() {
+        let is_there = (i as usize) < count || i == NO_UV;
+        ensure!(is_there, "{name}.indices[{at}]: uv {i} is out of range, there are {count}");
     }
     for face in faces(source).filter(|face| face.len() >= 3) {
         let absent = |&c: &usize| indices[c] == NO_UV;
-        if let Some(at) = face.clone().find(absent)
-            && !face.clone().all(|c| absent(&c))
-        {
-            return Err(Error::argument(format!(
+        if let Some(at) = face.clone().find(absent) {
+            ensure!(
+                face.clone().all(|c| absent(&c)),
                 "{name}.indices[{at}]: no UV (2^32 - 1), but other corners of the face have one"
-            )));
+            );
         }
     }
     Ok(())
@@ -172,11 +139,8 @@ pub(super) fn corner_uv<'a>(uvs: &UvSource<'a>) -> impl Fn(usize) -> Option<[f32
 }
 
 fn check_indices(name: &str, indices: &[u32], what: &str, count: usize) -> Result<()> {
-    match indices.iter().position(|&i| i as usize >= count) {
-        Some(at) => Err(Error::argument(format!(
-            "{name}[{at}]: {what} {} is out of range, there are {count}",
-            indices[at]
-        ))),
-        None => Ok(()),
+    for (at, &i) in indices.iter().enumerate() {
+        ensure!((i as usize) < count, "{name}[{at}]: {what} {i} is out of range, there are {count}");
     }
+    Ok(())
 }

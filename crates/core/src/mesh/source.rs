@@ -1,6 +1,7 @@
 //! The mesh that a host supplies.
 
-use crate::error::{Error, Result};
+use crate::declare;
+use crate::error::Result;
 use crate::view::Strided;
 
 /// A host's face-varying UVs.
@@ -91,8 +92,8 @@ impl Weld {
         let tolerances =
             [("position_tolerance", self.position_tolerance), ("uv_tolerance", self.uv_tolerance)];
         for (name, tolerance) in tolerances {
-            if let Some(x) = tolerance.filter(|x| !(0.0..=1.0).contains(x)) {
-                return Err(Error::argument(format!("weld.{name}: {x} is not between 0 and 1")));
+            if let Some(x) = tolerance {
+                declare::check(&format!("weld.{name}"), &x, &(0.0..=1.0))?;
             }
         }
         Ok(())
