@@ -12,6 +12,7 @@ use super::timestamps::Timestamps;
 use super::transfer::Readback;
 use vrtm_core::allocation::{Vec, make_room_in, vec};
 use vrtm_core::error::Result;
+use vrtm_core::method::stage::{Stage, Time};
 use vrtm_core::report::{GpuKernel, GpuWork, StageTimes, report};
 
 /// A recorded command.
@@ -37,7 +38,7 @@ enum Command {
         bytes: u64,
     },
     /// The following commands, up to the next such mark, belong to this stage.
-    Stage(usize),
+    Stage(Time),
 }
 
 /// A bind group of a kernel, and the storage buffers in it, each with whether the kernel may write it.
@@ -62,9 +63,6 @@ impl DispatchSize {
         DispatchSize { workgroups, gate: None }
     }
 }
-
-/// Number of stages that are timed.
-pub const STAGES: usize = 8;
 
 /// Bytes between two parameter records: WebGPU's largest alignment of dynamic offsets.
 const STRIDE: usize = 256;
@@ -104,9 +102,9 @@ pub struct Recorder {
     record_offsets: HashMap<[u8; size_of::<Params>()], u32>,
     /// Bytes moved by the dispatches recorded since the last submission, if all gates are open.
     bytes_recorded: u64,
-    stage: usize,
+    stage: Time,
     /// Per timed pass, its stage and, if each dispatch has its own pass, its kernel.
-    timed: Vec<(usize, Option<Kernel>)>,
+    timed: Vec<(Time, Option<Kernel>)>,
     submissions: u64,
     barriers: u64,
     /// The buffers that dispatches used, each with whether the last use may have written it.
@@ -146,7 +144,7 @@ impl Recorder {
             params: Vec::new(),
             record_offsets: HashMap::new(),
             bytes_recorded: 0,
-            stage: 0,
+            stage: Stage::Surface.time(),
             timed: Vec::new(),
             submissions: 0,
             barriers: 0,
@@ -233,7 +231,7 @@ impl Recorder {
     }
 
     /// Marks the commands that follow as belonging to a stage.
-    pub fn stage(&mut self, stage: usize) {
+    pub fn stage(&mut self, stage: Time) {
         self.commands.push(Command::Stage(stage));
     }
 
@@ -330,13 +328,12 @@ impl Recorder {
             }
             kernels.iter_mut().zip(statistics).for_each(|(sum, kernel)| sum.add(kernel));
         }
-        let mut stages = self.context.timestamps.then_some([0.0; STAGES]);
+        let (mut of_stages, mut all) = (StageTimes::default(), 0.0);
         for (ms, (stage, kernel)) in
             Timestamps::milliseconds(&self.context, times).into_iter().zip(&self.timed)
         {
-            if let Some(stages) = &mut stages {
-                stages[*stage] += ms;
-            }
+            *stage(&mut of_stages) += ms;
+            all += ms;
             if let Some(kernel) = kernel {
                 kernels[*kernel as usize].ms += ms;
             }
@@ -352,22 +349,12 @@ impl Recorder {
             })
         });
         let work = report!(GpuWork {
-            gpu_ms: stages.map(|stages| stages.iter().sum()),
+            gpu_ms: self.context.timestamps.then_some(all),
             submissions: self.submissions,
             skipped: skipped,
             barriers: self.barriers,
             kernels: used.collect(),
         });
-        let [surface, pyramid, prolong, relax, correct, pbd, certify, _] = stages.unwrap_or_default();
-        let times = report!(StageTimes {
-            surface: surface,
-            pyramid: pyramid,
-            prolong: prolong,
-            relax: relax,
-            correct: correct,
-            pbd: pbd,
-            certify: certify,
-        });
-        (work, times, self.recording)
+        (work, of_stages, self.recording)
     }
 }

@@ -17,7 +17,7 @@ mod tests;
 
 impl Stages for Run<'_> {
     fn run(&mut self, stage: &Stage) {
-        self.recorder.stage(stage.kind() as usize);
+        self.recorder.stage(stage.time());
         match *stage {
             Stage::Surface => self.surface(),
             Stage::Pyramid { coarsest } => self.pyramid(self.grid.levels.len().min(coarsest + 1)),

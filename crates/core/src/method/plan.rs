@@ -203,7 +203,7 @@ impl Summary {
 
     /// Counts a stage that took this many seconds.
     pub fn count(&mut self, stage: &Stage, seconds: f64) {
-        *stage.kind().of(&mut self.times) += seconds as f32 * 1000.0;
+        *stage.time()(&mut self.times) += seconds as f32 * 1000.0;
         match *stage {
             Stage::Relax { sweeps, .. } => self.sweeps += sweeps,
             Stage::Iterate { .. } => self.sweeps += 1,

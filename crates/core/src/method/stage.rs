@@ -42,43 +42,19 @@ pub enum Start {
     Passing,
 }
 
-/// The categories in which stages are timed.
-#[derive(Clone, Copy, Debug)]
-pub enum Kind {
-    Surface,
-    Pyramid,
-    Prolong,
-    Relax,
-    Correct,
-    Pbd,
-    Certify,
-}
-
-impl Kind {
-    /// The milliseconds of this category.
-    pub fn of(self, times: &mut StageTimes) -> &mut f32 {
-        match self {
-            Kind::Surface => &mut times.surface,
-            Kind::Pyramid => &mut times.pyramid,
-            Kind::Prolong => &mut times.prolong,
-            Kind::Relax => &mut times.relax,
-            Kind::Correct => &mut times.correct,
-            Kind::Pbd => &mut times.pbd,
-            Kind::Certify => &mut times.certify,
-        }
-    }
-}
+/// The milliseconds of a category in which stages are timed.
+pub type Time = fn(&mut StageTimes) -> &mut f32;
 
 impl Stage {
-    pub fn kind(&self) -> Kind {
+    pub fn time(&self) -> Time {
         match self {
-            Stage::Surface => Kind::Surface,
-            Stage::Pyramid { .. } => Kind::Pyramid,
-            Stage::Start { .. } => Kind::Prolong,
-            Stage::Relax { .. } => Kind::Relax,
-            Stage::Correct { .. } => Kind::Correct,
-            Stage::Iterate { .. } => Kind::Pbd,
-            Stage::Energies { .. } | Stage::Certify { .. } => Kind::Certify,
+            Stage::Surface => |times| &mut times.surface,
+            Stage::Pyramid { .. } => |times| &mut times.pyramid,
+            Stage::Start { .. } => |times| &mut times.prolong,
+            Stage::Relax { .. } => |times| &mut times.relax,
+            Stage::Correct { .. } => |times| &mut times.correct,
+            Stage::Iterate { .. } => |times| &mut times.pbd,
+            Stage::Energies { .. } | Stage::Certify { .. } => |times| &mut times.certify,
         }
     }
 
