@@ -17,7 +17,7 @@ use vrtm_core::settings::Overlap;
 use vrtm_cpu::invert;
 
 /// A tile's last good solve.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Solved {
     /// The tile with the connectivity of the pose, in which welds may be torn.
     pub mesh: Arc<TileMesh>,
@@ -34,11 +34,11 @@ pub(crate) struct Solved {
     /// The report at the time of the solve; `report()` adds what later fetches change.
     pub report: TileReport,
     /// Milliseconds of the latest inversion: the bits of an f32.
-    pub invert_ms: AtomicU32,
+    pub invert_ms: Arc<AtomicU32>,
     /// The room for redirections beyond the borders of charts, if charts go on there.
     pub gutter: Option<Arc<Gutter>>,
     /// Texels of the latest redirection that it limited.
-    pub limited: LimitedTexels,
+    pub limited: Arc<LimitedTexels>,
     /// The GPU's dispatches, submissions and transfers.
     pub work: Option<GpuWork>,
 }
@@ -51,20 +51,8 @@ impl Solved {
 
     /// The same result with its warp stored elsewhere.
     pub fn with_warp(&self, warp: Arc<Warp>) -> Solved {
-        Solved {
-            mesh: self.mesh.clone(),
-            extended: self.extended.clone(),
-            grid: self.grid.clone(),
-            warp,
-            results: self.results.clone(),
-            multipliers: self.multipliers.clone(),
-            overlap: self.overlap,
-            report: self.report,
-            invert_ms: AtomicU32::new(0),
-            gutter: self.gutter.clone(),
-            limited: LimitedTexels::default(),
-            work: self.work.clone(),
-        }
+        // Nothing has been fetched from it yet.
+        Solved { warp, invert_ms: Arc::default(), limited: Arc::default(), ..self.clone() }
     }
 
     /// The report for the host.

@@ -1,12 +1,10 @@
 //! One tile of an asset: what is made for it, and its solve.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicU32;
 use std::time::Duration;
 
 use crate::device::{Booked, Device};
 use vrtm_beyond::Copies;
-use vrtm_beyond::gutter::LimitedTexels;
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
@@ -224,9 +222,9 @@ impl TileState {
             multipliers,
             overlap: settings.overlap,
             report,
-            invert_ms: AtomicU32::new(0),
+            invert_ms: Arc::default(),
             gutter,
-            limited: LimitedTexels::default(),
+            limited: Arc::default(),
             work,
         };
         let (solved, plan, grid) = (Arc::new(solved), *call.plan, prepared.key.clone());

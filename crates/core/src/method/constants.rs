@@ -11,31 +11,17 @@ pub enum Constant {
 /// A constant: its name, its value.
 pub type Declaration = (&'static str, Constant);
 
-impl From<u32> for Constant {
-    fn from(x: u32) -> Constant {
-        Constant::U32(x)
-    }
+/// Sizes and counts are u32 in WGSL; of a number that the CPU uses in f64, a GPU gets the nearest f32.
+macro_rules! numbers {
+    ($($number:ty: $kind:ident as $wgsl:ty),+) => {
+        $(impl From<$number> for Constant {
+            fn from(x: $number) -> Constant {
+                Constant::$kind(x as $wgsl)
+            }
+        })+
+    };
 }
-
-/// Sizes and counts, which are u32 in WGSL.
-impl From<usize> for Constant {
-    fn from(x: usize) -> Constant {
-        Constant::U32(x as u32)
-    }
-}
-
-impl From<f32> for Constant {
-    fn from(x: f32) -> Constant {
-        Constant::F32(x)
-    }
-}
-
-/// A constant that the CPU uses in f64, and a GPU as the nearest f32.
-impl From<f64> for Constant {
-    fn from(x: f64) -> Constant {
-        Constant::F32(x as f32)
-    }
-}
+numbers!(u32: U32 as u32, usize: U32 as u32, f32: F32 as f32, f64: F32 as f32);
 
 impl From<[f64; 2]> for Constant {
     fn from(ends: [f64; 2]) -> Constant {
