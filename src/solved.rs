@@ -71,7 +71,7 @@ impl Solved {
     /// `None` where nothing moves. `u` are the displacements, `triangle` is a number in `TileMesh::chart_of`.
     pub fn redirected(&self, u: &[[Plane; 2]], triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {
         let level = &self.grid.levels[0];
-        let (origin, cells) = (self.mesh.origin(), DVec2::new(level.nx as f64, level.ny as f64));
+        let (origin, cells) = (self.mesh.origin(), level.cells());
         let at = DVec2::from(uv) - origin;
         let redirected = |chart: u32| {
             let reach = self.results[chart as usize].max_displacement;

@@ -7,7 +7,7 @@ use crate::solved::Solved;
 use vrtm_beyond::bands::Bands;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::image::ImagePart;
-use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::triangle::{barycentrics, point};
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
 use vrtm_core::strain::exact::Locator;
 use vrtm_core::team::Team;
@@ -66,7 +66,7 @@ impl<'a> OtherSet<'a> {
             let numbers = numbers[tile].get_or_insert_with(|| mesh.tiles[tile].numbers());
             let of_source = of_number(tile, numbers[source.triangle as usize]);
             let corners = mesh.tiles[tile].triangles[source.triangle as usize].uv;
-            uvs.push(source.uv.map(|uv| affine(corners, of_source, uv)));
+            uvs.push(source.uv.map(|uv| point(of_source, barycentrics(corners, uv))));
         }
         set(uvs)
     }
@@ -111,7 +111,8 @@ impl Drawn<'_> {
 
     fn value(&self, home: u32, uv: DVec2, delta: DVec2) -> DVec2 {
         let at = |triangle: u32, uv: DVec2| {
-            affine(self.surface.triangles[triangle as usize].uv, self.uvs[triangle as usize], uv)
+            let corners = self.surface.triangles[triangle as usize].uv;
+            point(self.uvs[triangle as usize], barycentrics(corners, uv))
         };
         let own = || at(home, uv - delta);
         if delta == DVec2::ZERO {
@@ -120,12 +121,6 @@ impl Drawn<'_> {
         let there = at(self.locator.find(uv * self.size - 0.5, home), uv);
         if self.is_delta { there - own() } else { there }
     }
-}
-
-/// The value at a point of a triangle, or beside it, given those at its corners.
-fn affine(corners: [DVec2; 3], [a, b, c]: [DVec2; 3], at: DVec2) -> DVec2 {
-    let [s, t] = barycentrics(corners, at);
-    a + s * (b - a) + t * (c - a)
 }
 
 /// The triangles under texels, and for texels without one that of a neighbour.

@@ -6,7 +6,6 @@
 
 mod copies;
 mod depths;
-mod lattice;
 mod limit;
 mod nodes;
 mod places;
@@ -19,12 +18,11 @@ pub use copies::Copies;
 use copies::{Node, NodeCopy};
 pub use depths::Depths;
 use depths::smooth;
-use lattice::{cells, point};
 pub use limit::Limited;
 pub use places::Places;
-use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
+use vrtm_core::grid::planes::{NODES, Plane, slot};
 use vrtm_core::grid::{Grid, Level};
-use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::triangle::{barycentrics, point};
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::team::Team;
 
@@ -74,10 +72,9 @@ impl Blending<'_> {
         let level = &side.grid.levels[0];
         let of_block = &level.blocks.list[block as usize];
         let s = node.slot as usize;
-        let (i, j) = node_at(s);
-        let at = DVec2::new((of_block.x as usize * SIDE + i) as f64, (of_block.y as usize * SIDE + j) as f64);
+        let at = nodes::place_of(level, block as usize, s);
         let moved = DVec2::from(side.u[block as usize].each_ref().map(|plane| f64::from(plane[s])));
-        let cells = cells(level);
+        let cells = level.cells();
         let mut change = DVec2::ZERO;
         for copy in copies {
             let there = self.through(copy, of_block.chart, side.grid.triangle[block as usize][s], at / cells);
@@ -99,11 +96,11 @@ impl Blending<'_> {
         let from = point(triangle.uv, copy.at.map(f64::from));
         let level = &there.grid.levels[0];
         let of_chart = there.grid.chart_of[copy.triangle as usize];
-        let moved = displacement(level, there.u, of_chart, copy.block, from * cells(level));
+        let moved = displacement(level, there.u, of_chart, copy.block, from * level.cells());
         if moved == DVec2::ZERO {
             return Some(at);
         }
-        let to = from + moved / cells(level);
+        let to = from + moved / level.cells();
         let here = self.sides[self.tile].as_ref()?;
         let index = self.tile as u32;
         let exactly = || {

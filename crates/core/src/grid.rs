@@ -38,6 +38,8 @@ pub mod uv_triangle;
 
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use crate::allocation::Vec;
 use crate::mesh::TileMesh;
 use blocks::{Blocks, Part};
@@ -88,6 +90,13 @@ pub struct Level {
     pub children: Arc<Vec<[u32; 4]>>,
     /// Per block: the block of the next coarser level that holds its even nodes, or `NONE`.
     pub parent: Arc<Vec<u32>>,
+}
+
+impl Level {
+    /// Cells along u and v.
+    pub fn cells(&self) -> DVec2 {
+        DVec2::new(self.nx as f64, self.ny as f64)
+    }
 }
 
 /// A tile's grid: all data that is built once per mesh, maps and settings.

@@ -3,11 +3,11 @@
 use glam::DVec2;
 
 use super::depths::{Depths, smooth};
-use super::lattice::cells;
+use super::nodes::uv_of;
 use super::places::{Places, depth_of, on_surface, sheets};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::planes::{NODES, SIDE, node_at};
+use vrtm_core::grid::planes::NODES;
 use vrtm_core::mesh::triangle::{barycentrics, doubled_area};
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::team::Team;
@@ -68,11 +68,7 @@ impl Copies {
             for s in (0..NODES).filter(|&s| level.movable[b][s] != 0) {
                 let triangle = grid.triangle[b][s];
                 if triangle != NONE {
-                    let block = &level.blocks.list[b];
-                    let (i, j) = node_at(s);
-                    let (x, y) = (block.x as usize * SIDE + i, block.y as usize * SIDE + j);
-                    let uv = DVec2::new(x as f64, y as f64) / cells(level);
-                    of_block.add((places, depths), index as u32, triangle, s, uv);
+                    of_block.add((places, depths), index as u32, triangle, s, uv_of(grid, b, s));
                 }
             }
             of_block

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use super::lattice::cells;
 use super::nodes::{FAR, Kind, Links, Node, Nodes, along_v, beside, kinds_of, node_of, uv_of};
 use super::places::{OnChart, Place, Places, beside_mirror, depth_of, sheets};
 use vrtm_core::allocation::{Vec, vec, zeroed};
@@ -113,7 +112,7 @@ impl<'a> Depths<'a> {
                 entries.push(Depth { key: own, depth: 1.0 });
                 for on in sheets(places, place).into_iter().filter(|on| on.is_collar) {
                     let depth = match on.image {
-                        true => beside_mirror(places, &on, cells(level)),
+                        true => beside_mirror(places, &on, level.cells()),
                         false => depth_of(places, &on),
                     };
                     entries.push(Depth { key: self.key(&on, own), depth });
@@ -137,7 +136,7 @@ impl<'a> Depths<'a> {
     /// The block of a chart that holds the lower left node of the cell of a point in its plane, or `NONE`.
     pub(super) fn block(&self, tile: u32, chart: u32, uv: DVec2) -> u32 {
         self.tiles[tile as usize].grid.map_or(NONE, |grid| {
-            let cell = (uv * cells(&grid.levels[0])).floor();
+            let cell = (uv * grid.levels[0].cells()).floor();
             grid.levels[0].blocks.find(chart, cell.x as i64 >> 4, cell.y as i64 >> 4)
         })
     }
@@ -153,7 +152,7 @@ impl<'a> Depths<'a> {
         let tile = &self.tiles[place.tile as usize];
         let (grid, mesh) = (tile.grid?, &places.tiles[place.tile as usize]);
         let chart = mesh.chart_of_triangle(place.triangle);
-        let last = cells(&grid.levels[0]);
+        let last = grid.levels[0].cells();
         let at = (place.uv * last).round().clamp(DVec2::ZERO, last);
         let (b, s) = node_of(grid, chart, at.x as i64, at.y as i64)?;
         let triangle = grid.triangle[b][s];
@@ -203,7 +202,7 @@ impl<'a> Depths<'a> {
             places.tiles.iter().flat_map(|tile| tile.charts.iter().map(|chart| chart.reach)).collect();
         let step = |key: u32, cells: f64| (SLOPE / (reaches[(key >> 2) as usize] * cells)) as f32;
         let of_tile = |n: u32| self.tiles[self.nodes[n as usize].tile as usize].grid;
-        let cells_of = |n: u32| of_tile(n).map_or([1.0; 2], |grid| cells(&grid.levels[0]).to_array());
+        let cells_of = |n: u32| of_tile(n).map_or([1.0; 2], |grid| grid.levels[0].cells().to_array());
         for (n, axis) in beside_far.into_iter().filter(|(n, _)| !self.nodes[*n as usize].rigid) {
             let (own, cells) = (self.own(n), cells_of(n)[axis]);
             for e in self.starts[n as usize]..self.starts[n as usize + 1] {
@@ -327,7 +326,7 @@ impl<'a> Depths<'a> {
         let mut weights: Vec<f32> = vec![0.0; keys.len()];
         let mut whole = 0.0;
         if let Some(grid) = tile.grid {
-            let at = place.uv * cells(&grid.levels[0]);
+            let at = place.uv * grid.levels[0].cells();
             let cell = at.floor();
             let part = at - cell;
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {

@@ -2,12 +2,11 @@
 
 use glam::DVec2;
 
-use super::lattice::cells;
 use super::places::{Place, Places, on_surface};
 use vrtm_core::allocation::Vec;
-use vrtm_core::grid::Grid;
 use vrtm_core::grid::codes::decode_rigidity;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
+use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::NONE;
 
 /// The rigidity of a node of a feature.
@@ -93,10 +92,15 @@ pub fn kinds_of(places: &Places, index: u32, grid: Option<&&Grid>, b: usize) -> 
     (kinds, links)
 }
 
+/// The place of a node, in cells.
+pub fn place_of(level: &Level, b: usize, s: usize) -> DVec2 {
+    let (block, (i, j)) = (&level.blocks.list[b], node_at(s));
+    DVec2::new((block.x as usize * SIDE + i) as f64, (block.y as usize * SIDE + j) as f64)
+}
+
+/// The UV of a node.
 pub fn uv_of(grid: &Grid, b: usize, s: usize) -> DVec2 {
-    let (block, (i, j)) = (&grid.levels[0].blocks.list[b], node_at(s));
-    let at = DVec2::new((block.x as usize * SIDE + i) as f64, (block.y as usize * SIDE + j) as f64);
-    at / cells(&grid.levels[0])
+    place_of(&grid.levels[0], b, s) / grid.levels[0].cells()
 }
 
 /// The block and slot of a chart's node (x, y), if it is stored.

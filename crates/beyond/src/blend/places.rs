@@ -6,9 +6,8 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use super::lattice::point;
 use vrtm_core::allocation::Vec;
-use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::triangle::{barycentrics, point};
 use vrtm_core::mesh::{Source, TileMesh};
 use vrtm_core::sets::grouped;
 

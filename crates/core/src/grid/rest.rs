@@ -154,7 +154,7 @@ type Sample = (u32, DVec3, DVec3);
 
 impl<'a> Chords<'a> {
     fn new(grid: &Grid, mesh: &'a Mesh, tile: &'a TileMesh) -> Chords<'a> {
-        let cells = DVec2::new(grid.levels[0].nx as f64, grid.levels[0].ny as f64);
+        let cells = grid.levels[0].cells();
         Chords { mesh, tile, cells, scales: grid.rest.charts.iter().map(|c| c.scale).collect() }
     }
 

@@ -16,6 +16,11 @@ pub fn barycentrics([a, b, c]: [DVec2; 3], at: DVec2) -> [f64; 2] {
     [d.perp_dot(e2) / det, e1.perp_dot(d) / det]
 }
 
+/// The point of a triangle with barycentric coordinates of corners 1 and 2.
+pub fn point([a, b, c]: [DVec2; 3], [s, t]: [f64; 2]) -> DVec2 {
+    a + s * (b - a) + t * (c - a)
+}
+
 /// True for a triangle without area, or so thin that f32 UVs do not determine on which side of an edge the third corner
 /// lies.
 pub fn is_degenerate(uv: [DVec2; 3]) -> bool {
