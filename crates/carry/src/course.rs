@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use vrtm_core::allocation::Vec;
-use vrtm_core::mesh::{Mesh, NONE};
+use vrtm_core::mesh::{Mesh, NONE, inverse};
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
@@ -261,12 +261,6 @@ pub fn host_frame(frames: Option<&Strided>, k: usize) -> Option<(DQuat, bool)> {
     let (normal_of, volume) = (normal(a, b), a.cross(b).dot(c));
     let is_whole = volume.abs() > FLAT * a.length() * b.length() * c.length();
     is_whole.then(|| (quaternion(&polar(normal_of, [a, b]).axes), volume < 0.0))
-}
-
-fn inverse(order: &[u32]) -> Vec<u32> {
-    let mut new_index: Vec<u32> = order.iter().map(|_| NONE).collect();
-    order.iter().enumerate().for_each(|(new, &old)| new_index[old as usize] = new as u32);
-    new_index
 }
 
 /// A UV of a tile among all tiles.

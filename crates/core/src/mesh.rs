@@ -20,6 +20,7 @@ use glam::DVec2;
 use crate::allocation::Vec;
 use crate::error::{Result, ensure};
 use crate::report::AssetInfo;
+pub use charts::inverse;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 pub use source::{POSITION_TOLERANCE, UV_TOLERANCE};
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::charts::{self, Seams, is_seam};
 use super::gaps::Given;
@@ -75,8 +75,7 @@ impl<'a> Welding<'a> {
     pub fn new(source: &MeshSource, rest: &'a [[f64; 3]]) -> Welding<'a> {
         let mut shortest = vec![f64::INFINITY; rest.len()];
         for [a, b] in read::edges(source) {
-            let [p, q] = [a, b].map(|v| rest[v as usize]);
-            let length = [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt();
+            let length = DVec3::from(rest[a as usize]).distance(rest[b as usize].into());
             if length > 0.0 {
                 for v in [a, b] {
                     shortest[v as usize] = shortest[v as usize].min(length);

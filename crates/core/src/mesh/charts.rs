@@ -102,7 +102,8 @@ fn order(chart_of: &[u32]) -> Vec<u32> {
     order
 }
 
-fn inverse(order: &[u32]) -> Vec<u32> {
+/// The place of each number in an order of all.
+pub fn inverse(order: &[u32]) -> Vec<u32> {
     let mut new_index = vec![NONE; order.len()];
     for (new, &old) in order.iter().enumerate() {
         new_index[old as usize] = new as u32;

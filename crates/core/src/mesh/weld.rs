@@ -4,7 +4,7 @@
 
 use std::hash::Hash;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::hash::{Table, enter};
 use super::triangle::doubled_area;
@@ -55,7 +55,7 @@ pub fn places(
                 for y in span(1) {
                     for z in span(2) {
                         for w in cells.at([x, y, z]) {
-                            let d = distance(p, rest[w as usize]);
+                            let d = DVec3::from(p).distance(rest[w as usize].into());
                             if d <= reach(v).min(reach(w as usize)) && d < nearest {
                                 (nearest, found) = (d, w);
                             }
@@ -94,10 +94,6 @@ impl<K: Eq + Hash> Cells<K> {
         let first = self.last.get(&cell).and_then(|&k| item(k));
         std::iter::successors(first, move |&(_, before)| item(before)).map(|(item, _)| item).take(LOOKED_AT)
     }
-}
-
-fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
-    [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt()
 }
 
 /// Per vertex, how far the UVs of its corners may be moved: a quarter of the least height of the triangles at it,
