@@ -144,7 +144,7 @@ pub(super) fn set_last_error(function: &str, message: impl fmt::Display) {
 pub(super) fn chars<const N: usize>(text: &str) -> [c_char; N] {
     let mut line = Line::<N>::new();
     let _ = line.write_str(text);
-    line.as_chars()
+    line.bytes().map(|byte| byte as c_char)
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Lines of text in fixed-size buffers, without allocation.
 
-use std::ffi::c_char;
 use std::fmt::{self, Write};
 
 /// A zero-terminated line of text in a fixed-size buffer: messages must not need memory when memory is short.
@@ -25,11 +24,6 @@ impl<const N: usize> Line<N> {
     /// The text.
     pub fn as_str(&self) -> &str {
         std::str::from_utf8(&self.bytes[..self.length]).unwrap_or("")
-    }
-
-    /// The text as a C array.
-    pub fn as_chars(&self) -> [c_char; N] {
-        self.bytes.map(|byte| byte as c_char)
     }
 }
 

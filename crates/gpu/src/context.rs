@@ -34,6 +34,7 @@ pub struct Context {
     /// True if the device can time passes.
     pub timestamps: bool,
     pipelines: Pipelines,
+    /// True if each dispatch has its own pass, so that each kernel is timed.
     pub time_kernels: AtomicBool,
     error_log: Arc<ErrorLog>,
 }
@@ -148,11 +149,6 @@ impl Context {
             time_kernels,
             error_log,
         })
-    }
-
-    /// True if each dispatch has its own pass, so that each kernel is timed.
-    pub fn times_kernels(&self) -> bool {
-        self.time_kernels.load(Ordering::Relaxed)
     }
 
     /// Returns `DeviceLost` if the device was lost.

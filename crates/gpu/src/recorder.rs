@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use super::context::Context;
 use super::kernels::{Kernel, SOURCES};
@@ -267,7 +268,7 @@ impl Recorder {
         queue.write_buffer(&self.recording.params, 0, &self.params);
         let mut encoder =
             device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("solve") });
-        let one_by_one = context.times_kernels();
+        let one_by_one = context.time_kernels.load(Ordering::Relaxed);
         let mut commands = std::mem::take(&mut self.commands).into_iter().peekable();
         while let Some(command) = commands.next() {
             match command {
