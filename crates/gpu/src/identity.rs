@@ -8,14 +8,10 @@ use vrtm_core::report::{AdapterInfo, report};
 pub(super) fn describe(adapter: &wgpu::Adapter) -> AdapterInfo {
     let info = adapter.get_info();
     let ids = contain(|| ids_of(adapter)).unwrap_or_default();
-    report!(AdapterInfo {
+    report!(ids, {
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
         api: api(info.backend),
         software: is_software(&info),
-        uuid: ids.uuid,
-        driver_uuid: ids.driver_uuid,
-        luid: ids.luid,
-        registry_id: ids.registry_id,
         vendor: info.vendor,
         device: info.device,
         pci_bus: info.device_pci_bus_id,
@@ -50,22 +46,13 @@ pub(super) fn api(backend: wgpu::Backend) -> &'static str {
     }
 }
 
-/// The identifiers that the interface provides; `None` for the others.
-#[derive(Clone, Copy, Debug, Default)]
-struct Ids {
-    pub uuid: Option<[u8; 16]>,
-    pub driver_uuid: Option<[u8; 16]>,
-    pub luid: Option<[u8; 8]>,
-    pub registry_id: Option<u64>,
-}
-
-/// Reads the identifiers of an adapter.
-fn ids_of(adapter: &wgpu::Adapter) -> Ids {
+/// The identifiers that the interface provides.
+fn ids_of(adapter: &wgpu::Adapter) -> AdapterInfo {
     vulkan(adapter).or_else(|| direct3d(adapter)).or_else(|| metal(adapter)).unwrap_or_default()
 }
 
 #[cfg(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd"))]
-fn vulkan(adapter: &wgpu::Adapter) -> Option<Ids> {
+fn vulkan(adapter: &wgpu::Adapter) -> Option<AdapterInfo> {
     use ash::vk;
 
     // SAFETY: the adapter is only used here, not destroyed.
@@ -74,7 +61,7 @@ fn vulkan(adapter: &wgpu::Adapter) -> Option<Ids> {
     let device_version = adapter.physical_device_capabilities().properties().api_version;
     // The function was added in Vulkan 1.1.
     if shared.instance_api_version().min(device_version) < vk::API_VERSION_1_1 {
-        return Some(Ids::default());
+        return Some(AdapterInfo::default());
     }
     let mut ids = vk::PhysicalDeviceIDProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
@@ -83,22 +70,21 @@ fn vulkan(adapter: &wgpu::Adapter) -> Option<Ids> {
         let instance = shared.raw_instance();
         instance.get_physical_device_properties2(adapter.raw_physical_device(), &mut properties);
     }
-    Some(Ids {
+    Some(report!(AdapterInfo {
         uuid: Some(ids.device_uuid),
         driver_uuid: Some(ids.driver_uuid),
         luid: (ids.device_luid_valid != vk::FALSE).then_some(ids.device_luid),
-        registry_id: None,
-    })
+    }))
 }
 
 #[cfg(not(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd")))]
-fn vulkan(_: &wgpu::Adapter) -> Option<Ids> {
+fn vulkan(_: &wgpu::Adapter) -> Option<AdapterInfo> {
     None
 }
 
 /// This is compiled for Windows, but was never run by its author.
 #[cfg(windows)]
-fn direct3d(adapter: &wgpu::Adapter) -> Option<Ids> {
+fn direct3d(adapter: &wgpu::Adapter) -> Option<AdapterInfo> {
     // SAFETY: the adapter is only used here, not destroyed.
     let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Dx12>() }?;
     // SAFETY: the adapter is alive.
@@ -107,25 +93,25 @@ fn direct3d(adapter: &wgpu::Adapter) -> Option<Ids> {
     let mut bytes = [0; 8];
     bytes[..4].copy_from_slice(&luid.LowPart.to_ne_bytes());
     bytes[4..].copy_from_slice(&luid.HighPart.to_ne_bytes());
-    Some(Ids { luid: Some(bytes), ..Ids::default() })
+    Some(report!(AdapterInfo { luid: Some(bytes) }))
 }
 
 #[cfg(not(windows))]
-fn direct3d(_: &wgpu::Adapter) -> Option<Ids> {
+fn direct3d(_: &wgpu::Adapter) -> Option<AdapterInfo> {
     None
 }
 
 /// This is compiled for macOS, but was never run by its author.
 #[cfg(target_vendor = "apple")]
-fn metal(adapter: &wgpu::Adapter) -> Option<Ids> {
+fn metal(adapter: &wgpu::Adapter) -> Option<AdapterInfo> {
     use objc2_metal::MTLDevice;
 
     // SAFETY: the adapter is only used here, not destroyed.
     let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Metal>() }?;
-    Some(Ids { registry_id: Some(adapter.raw_device().registryID()), ..Ids::default() })
+    Some(report!(AdapterInfo { registry_id: Some(adapter.raw_device().registryID()) }))
 }
 
 #[cfg(not(target_vendor = "apple"))]
-fn metal(_: &wgpu::Adapter) -> Option<Ids> {
+fn metal(_: &wgpu::Adapter) -> Option<AdapterInfo> {
     None
 }
