@@ -236,7 +236,7 @@ impl<'a> Inversion<'a> {
             buffers.state.as_entire_binding(),
             image.as_entire_binding(),
         ];
-        let bind_group = self.pipeline.bind_group(&self.context.device, Kernel::Invert, resources);
+        let bind_group = self.pipeline.bind_group(&self.context.device, Kernel::Invert.source(), resources);
         let workgroups = request.count * request.workgroups_per_block;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline.pipeline);

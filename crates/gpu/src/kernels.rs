@@ -41,7 +41,7 @@ pub mod slot {
 }
 
 /// The source of a kernel.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Source {
     pub kernel: Kernel,
     pub entry: &'static str,

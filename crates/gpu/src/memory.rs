@@ -396,7 +396,7 @@ impl Memory {
             (Binding::Params, buffer) => range(buffer, 0, size_of::<Params>() as u64),
             (_, buffer) => buffer.as_entire_binding(),
         });
-        let group = pipeline.bind_group(&self.context.device, kernel, resources);
+        let group = pipeline.bind_group(&self.context.device, kernel.source(), resources);
         let stored = bindings.iter().filter(|binding| **binding != Binding::Params);
         let uses =
             stored.map(|binding| (buffer(binding.number()).clone(), matches!(binding, Binding::Write(_))));

@@ -64,10 +64,10 @@ impl Pipeline {
     pub fn bind_group<'a>(
         &self,
         device: &wgpu::Device,
-        kernel: Kernel,
+        source: &Source,
         resources: impl IntoIterator<Item = wgpu::BindingResource<'a>>,
     ) -> wgpu::BindGroup {
-        let Source { entry, bindings, .. } = kernel.source();
+        let Source { entry, bindings, .. } = source;
         let entry_of =
             |(binding, resource): (&Binding, _)| wgpu::BindGroupEntry { binding: binding.number(), resource };
         let entries: Vec<_> = bindings.iter().zip(resources).map(entry_of).collect();

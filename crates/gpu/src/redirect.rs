@@ -103,7 +103,7 @@ impl<'a> Redirection<'a> {
             inverse.as_entire_binding(),
             range(memory, band.bytes.start, band.bytes.end - band.bytes.start),
         ];
-        let bind_group = self.pipeline.bind_group(&self.context.device, Kernel::Redirect, buffers);
+        let bind_group = self.pipeline.bind_group(&self.context.device, Kernel::Redirect.source(), buffers);
         let workgroups = (band.rows.len() * self.width).div_ceil(64) as u32;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline.pipeline);

@@ -5,6 +5,8 @@ use wgpu::BufferUsages;
 
 use super::*;
 use crate::adapters;
+use crate::kernels::Binding;
+use crate::pipelines::range;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Gpu;
 
@@ -27,42 +29,28 @@ const STORAGE: BufferUsages =
 pub fn computed<T: bytemuck::Pod>(
     context: &Context,
     text: String,
-    entry: &str,
+    entry: &'static str,
     input: &[u8],
     bytes: u64,
     workgroups: usize,
 ) -> std::vec::Vec<T> {
     let device = &context.device;
-    let source = wgpu::ShaderSource::Wgsl(text.into());
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: Some(entry),
-        compilation_options: Default::default(),
-        cache: None,
-    });
+    let mut source = Kernel::Decide.source().clone();
+    (source.entry, source.bindings) = (entry, &[Binding::Read(20), Binding::Write(21)]);
+    let pipeline = Pipeline::from_text(device, &source, text);
+    let given = context.filled("input", input, STORAGE).unwrap();
     let output = context.buffer("output", bytes, STORAGE).unwrap();
-    let bound =
-        [(20, context.filled("input", input, STORAGE).unwrap(), input.len() as u64), (21, output, bytes)];
     // Buffers may be larger than requested; shaders derive counts from the sizes of the bindings.
-    let entries = bound.each_ref().map(|(binding, buffer, size)| {
-        let size = std::num::NonZeroU64::new(*size);
-        let resource = wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size });
-        wgpu::BindGroupEntry { binding: *binding, resource }
-    });
-    let layout = &pipeline.get_bind_group_layout(0);
-    let group =
-        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
+    let resources = [range(&given, 0, input.len() as u64), range(&output, 0, bytes)];
+    let group = pipeline.bind_group(device, &source, resources);
     let mut encoder = device.create_command_encoder(&Default::default());
     let mut pass = encoder.begin_compute_pass(&Default::default());
-    pass.set_pipeline(&pipeline);
+    pass.set_pipeline(&pipeline.pipeline);
     pass.set_bind_group(0, &group, &[]);
     pass.dispatch_workgroups(workgroups as u32, 1, 1);
     drop(pass);
     context.submit([encoder]).unwrap();
-    bytemuck::pod_collect_to_vec(&context.read(&bound[1].1, 0..bytes).unwrap())
+    bytemuck::pod_collect_to_vec(&context.read(&output, 0..bytes).unwrap())
 }
 
 /// A buffer with the content `bytes`.

@@ -6,7 +6,8 @@ use super::*;
 use crate::context::tests::gpu;
 use vrtm_core::allocation::vec;
 use vrtm_core::backend::Options;
-use vrtm_core::image::external::ExternalHandle;
+use vrtm_core::image::Origin;
+use vrtm_core::image::external::{ExternalHandle, ExternalImage};
 use vrtm_core::image::format::PixelFormat::{self, F16, F32};
 
 fn texels(
@@ -16,21 +17,12 @@ fn texels(
     row_stride: u64,
     is_top_first: bool,
 ) -> ExternalTexels {
-    let row = size[0] as u64 * texel_bytes(format);
-    let end = offset + (size[1] as u64 - 1) * row_stride + row;
-    let handle = ExternalHandle::OpaqueFd(0);
-    let memory_size = end;
-    ExternalTexels {
-        handle,
-        memory_size,
-        memory_type: 0,
-        offset,
-        size,
-        format,
-        row_stride,
-        is_top_first,
-        end,
-    }
+    let origin = if is_top_first { Origin::Top } else { Origin::Bottom };
+    let ([width, height], row_stride) = (size.map(|n| n as u32), Some(row_stride));
+    let (handle, memory_size, memory_type) = (ExternalHandle::OpaqueFd(0), u64::MAX, 0);
+    ExternalImage { handle, memory_size, memory_type, offset, width, height, format, row_stride, origin }
+        .check("image")
+        .unwrap()
 }
 
 /// A buffer that represents the host's memory.
