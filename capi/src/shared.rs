@@ -155,22 +155,12 @@ mod tests {
     use super::super::status::VRTM_ERROR_INTERNAL;
     use super::*;
     use vrtm::Device;
-    use vrtm_core::mesh::{MeshSource, UvSource};
+    use vrtm_core::fixtures;
     use vrtm_core::settings::DeviceSettings;
-    use vrtm_core::view::Strided;
 
-    fn triangle() -> Arc<SharedAsset> {
+    fn square() -> Arc<SharedAsset> {
         let device = Device::new(&DeviceSettings::default()).unwrap();
-        let mesh = MeshSource {
-            positions: Strided::from_slice(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
-            indices: &[0, 1, 2],
-            uvs: UvSource {
-                u: Strided::from_slice(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
-                ..UvSource::default()
-            },
-            ..MeshSource::default()
-        };
-        Arc::new(SharedAsset::new(Asset::new(&device, &mesh).unwrap()))
+        Arc::new(SharedAsset::new(Asset::new(&device, &fixtures::square().1).unwrap()))
     }
 
     #[test]
@@ -181,7 +171,7 @@ mod tests {
                 self.1.send(self.0).unwrap();
             }
         }
-        let (asset, (tell, cancelled)) = (triangle(), mpsc::channel());
+        let (asset, (tell, cancelled)) = (square(), mpsc::channel());
         let announce = |number| asset.announce(Arc::new(Tells(number, tell.clone())));
         let mut claim = asset.claim().unwrap();
         announce(0);
@@ -208,7 +198,7 @@ mod tests {
 
     #[test]
     fn an_asset_survives_a_panic() {
-        let asset = triangle();
+        let asset = square();
         let status = guard("vrtm_test", || asset.write(|_| -> Outcome<()> { panic!("in the middle") }));
         assert_eq!(status, VRTM_ERROR_INTERNAL);
         assert!(asset.write(|asset| Ok(asset.tile_mut(0).set_rigidity(None)?)).is_ok());
