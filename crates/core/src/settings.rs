@@ -59,17 +59,12 @@ impl AdapterId {
 
 impl fmt::Display for AdapterId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let bytes = match self {
-            AdapterId::Uuid(bytes) => {
-                f.write_str("UUID ")?;
-                &bytes[..]
-            }
-            AdapterId::Luid(bytes) => {
-                f.write_str("LUID ")?;
-                &bytes[..]
-            }
+        let (kind, bytes) = match self {
+            AdapterId::Uuid(bytes) => ("UUID", &bytes[..]),
+            AdapterId::Luid(bytes) => ("LUID", &bytes[..]),
             AdapterId::Registry(number) => return write!(f, "registry ID {number}"),
         };
+        write!(f, "{kind} ")?;
         for (k, byte) in bytes.iter().enumerate() {
             // Hyphens where UUIDs conventionally have them.
             let hyphen = if bytes.len() == 16 && [4, 6, 8, 10].contains(&k) { "-" } else { "" };

@@ -17,7 +17,7 @@ use glam::DVec2;
 use chart::{ChartProblem, DIM};
 use energy::Shape;
 use minimise::{Minimiser, Options};
-use vrtm_core::error::{Error, Result};
+use vrtm_core::error::{Result, ensure};
 use vrtm_core::grid::coverage::node_maps;
 use vrtm_core::grid::maps::TileMaps;
 use vrtm_core::mesh::{Mesh, TileMesh};
@@ -61,12 +61,10 @@ impl<'a> Problem<'a> {
         maps: &TileMaps,
         pose: &'a [[f64; 3]],
     ) -> Result<Problem<'a>> {
-        if pose.len() != mesh.rest.len() {
-            let message = format!("pose: {} positions, but the mesh has {}", pose.len(), mesh.rest.len());
-            return Err(Error::argument(message));
-        }
-        if let Some(v) = pose.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(Error::argument(format!("pose[{v}]: not finite")));
+        let (given, needed) = (pose.len(), mesh.rest.len());
+        ensure!(given == needed, "pose: {given} positions, but the mesh has {needed}");
+        for (v, p) in pose.iter().enumerate() {
+            ensure!(p.iter().all(|x| x.is_finite()), "pose[{v}]: not finite");
         }
         let [nx, ny] = maps.grid_size();
         let mut nodes = node_maps(tile, maps, [nx, ny]);
