@@ -96,11 +96,12 @@ impl<'a> Output<'a> {
         let gutter = solved.gutter.as_ref().filter(|_| is_redirection);
         let room = gutter.map(|gutter| Room { gutter, limited: &limited });
         let canvas = Canvas::new(image);
-        let area = Area { part: &part, canvas: &canvas, owners: owners.as_ref(), room };
+        let (part, canvas, owners) = (&part, &canvas, owners.as_ref());
+        let area = Area { device, team, solved, part, canvas, owners, room };
         match content {
             Content::Inverse { form, centres, coverage } => {
-                if !outputs.redirect(device, team, solved, &area, form)? {
-                    outputs.invert(device, team, solved, &area, &centres, |_, _, uv, delta| {
+                if !outputs.redirect(&area, form)? {
+                    outputs.invert(&area, &centres, |_, _, uv, delta| {
                         let [u, v] = form.value(uv, delta);
                         [u, v, 0.0]
                     })?;
@@ -115,18 +116,16 @@ impl<'a> Output<'a> {
             }
             Content::Jacobian { is_scale } => {
                 if is_scale {
-                    inverse::jacobians(team, solved, &area, |j| [largest_stretch(j)])?;
+                    inverse::jacobians(&area, |j| [largest_stretch(j)])?;
                 } else {
-                    inverse::jacobians(team, solved, &area, |[[a, b], [c, d]]| [a, b, c, d])?;
+                    inverse::jacobians(&area, |[[a, b], [c, d]]| [a, b, c, d])?;
                 }
             }
             Content::OtherSet { centres, set } => {
                 let set = set.draw(team);
-                outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
-                    set.texel(x, y, uv, delta)
-                })?;
+                outputs.invert(&area, &centres, |x, y, uv, delta| set.texel(x, y, uv, delta))?;
             }
-            Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
+            Content::Warp { nodes, rows } => nodes::write(team, solved, part, &nodes, rows, canvas),
         }
         Ok(is_redirection.then_some(limited))
     }

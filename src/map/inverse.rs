@@ -44,9 +44,13 @@ impl Centres {
     }
 }
 
-/// The part of an image that is inverted, and where its texels are written; where the charts of the result go on beyond
-/// their borders, the charts of the texels; and the room for that, if redirections are to stay where there is some.
+/// The part of an image for which a result is inverted, and where its texels are written; where the charts of the result
+/// go on beyond their borders, the charts of the texels; and the room for that, if redirections are to stay where there
+/// is some.
 pub(crate) struct Area<'a> {
+    pub device: &'a Device,
+    pub team: &'a Team,
+    pub solved: &'a Solved,
     pub part: &'a ImagePart,
     pub canvas: &'a Canvas,
     pub owners: Option<&'a Owners>,
@@ -85,20 +89,16 @@ impl Outputs {
     /// 0 upward: `uv` is W⁻¹ at the texel centre, and `delta` is `uv` minus the centre.
     pub fn invert<const N: usize>(
         &mut self,
-        device: &Device,
-        team: &Team,
-        solved: &Solved,
         area: &Area,
         centres: &Centres,
         value: impl Fn(usize, usize, [f64; 2], [f64; 2]) -> [f64; N] + Sync,
     ) -> Result<()> {
-        let level = &solved.grid.levels[0];
-        let cells = [level.nx as f64, level.ny as f64];
+        let cells = area.solved.grid.levels[0].cells();
         let size = area.part.size;
         let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
-        let on_gpu = self.on_gpu(device, solved, area, PixelFormat::F32, |output, u| {
+        let on_gpu = self.on_gpu(area, PixelFormat::F32, |output, u| {
             output.invert(u, size, &mut |first, texels| {
-                team.run(texels.len() / size[0], |row| {
+                area.team.run(texels.len() / size[0], |row| {
                     let (y, texels) = (first + row, texels[row * size[0]..][..size[0]].iter().enumerate());
                     let values = texels.map(|(x, d)| {
                         let (at, delta) = (centre(x, y), [0, 1].map(|k| f64::from(d[k]) / cells[k]));
@@ -112,7 +112,7 @@ impl Outputs {
             return Ok(());
         }
         let still = |x: usize, y: usize| value(x, y, centre(x, y), [0.0; 2]);
-        visit(team, solved, area, still, |x, y, found, texel| {
+        visit(area, still, |x, y, found, texel| {
             let (at, [px, py]) = (centre(x, y), texel.point);
             let mut uv = [px / cells[0], py / cells[1]];
             if let Some(room) = &area.room
@@ -126,19 +126,12 @@ impl Outputs {
 
     /// Writes the first three channels of a redirection, which the GPU computes as the image holds them. Returns false,
     /// and writes nothing, where the CPU computes it.
-    pub fn redirect(
-        &mut self,
-        device: &Device,
-        team: &Team,
-        solved: &Solved,
-        area: &Area,
-        form: Form,
-    ) -> Result<bool> {
+    pub fn redirect(&mut self, area: &Area, form: Form) -> Result<bool> {
         let (canvas, size, format) = (area.canvas, area.part.size, area.canvas.format());
         let row_bytes = size[0] * 2 * format.size();
-        self.on_gpu(device, solved, area, format, |output, u| {
+        self.on_gpu(area, format, |output, u| {
             output.redirect(u, size, form.origin(), format, &mut |first, bytes| {
-                team.run(bytes.len() / row_bytes, |row| {
+                area.team.run(bytes.len() / row_bytes, |row| {
                     canvas.put_row(first + row, &bytes[row * row_bytes..][..row_bytes]);
                 });
             })
@@ -149,13 +142,11 @@ impl Outputs {
     /// charts may lie over one another, it tells their texels apart.
     fn on_gpu(
         &mut self,
-        device: &Device,
-        solved: &Solved,
         area: &Area,
         format: PixelFormat,
         write: impl FnOnce(&dyn GpuOutput, &dyn GpuWarp) -> Result<()>,
     ) -> Result<bool> {
-        let size = area.part.size;
+        let Area { device, solved, part: &ImagePart { size, .. }, .. } = *area;
         if let Warp::Gpu(u) = &*solved.warp
             && solved.extended.is_none()
             && area.part.extent() == size
@@ -192,17 +183,15 @@ impl Outputs {
 /// Writes `value(jacobian)` to all texels of a part of an image, as `Outputs::invert` does: of the derivatives of W⁻¹
 /// by the UV, one row per component.
 pub(crate) fn jacobians<const N: usize>(
-    team: &Team,
-    solved: &Solved,
     area: &Area,
     value: impl Fn([[f64; 2]; 2]) -> [f64; N] + Sync,
 ) -> Result<()> {
-    let level = &solved.grid.levels[0];
+    let level = &area.solved.grid.levels[0];
     // Converts cells per texel to UV per UV.
     let of = |axis: usize| area.part.size[axis] as f64;
     let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
     let still = |_, _| value([[1.0, 0.0], [0.0, 1.0]]);
-    visit(team, solved, area, still, |_, _, found, texel| {
+    visit(area, still, |_, _, found, texel| {
         let [[a, b], [c, d]] = found.jacobian(texel);
         value([[a * scale[0][0], b * scale[0][1]], [c * scale[1][0], d * scale[1][1]]])
     })
@@ -211,14 +200,12 @@ pub(crate) fn jacobians<const N: usize>(
 /// Writes `still(x, y)` to all texels of a part of an image, by their places in the part, and then `moved` to the
 /// texels in moved cells. Never writes one texel on two threads at once.
 fn visit<const N: usize>(
-    team: &Team,
-    solved: &Solved,
     area: &Area,
     still: impl Fn(usize, usize) -> [f64; N] + Sync,
     moved: impl Fn(usize, usize, &Found, &Texel) -> [f64; N] + Sync,
 ) -> Result<()> {
+    let Area { team, solved, part, canvas, owners, .. } = *area;
     let u = solved.warp.host()?;
-    let Area { part, canvas, owners, .. } = *area;
     let [width, height] = part.extent();
     team.run(height, |y| canvas.put_from(0, (0..width).map(|x| (x, y, still(x, y)))));
     let own = solved.extended.as_ref().map(|tile| tile.own() as u32);
