@@ -125,7 +125,7 @@ impl<'a> Output<'a> {
                 let set = set.draw(team);
                 outputs.invert(&area, &centres, |x, y, uv, delta| set.texel(x, y, uv, delta))?;
             }
-            Content::Warp { nodes, rows } => nodes::write(team, solved, part, &nodes, rows, canvas),
+            Content::Warp { nodes, rows } => nodes::write(&area, &nodes, rows),
         }
         Ok(is_redirection.then_some(limited))
     }

@@ -11,7 +11,7 @@ use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::team::Team;
 
-use super::canvas::Canvas;
+use super::inverse::Area;
 use crate::solved::Solved;
 use vrtm_beyond::owners::NodeOwners;
 
@@ -25,14 +25,8 @@ pub(crate) fn rows(solved: &Solved, part: &ImagePart) -> Vec<Vec<[f32; 2]>> {
 }
 
 /// Writes a warp; `rows` has two rows of nodes for each item of work.
-pub(crate) fn write(
-    team: &Team,
-    solved: &Solved,
-    part: &ImagePart,
-    nodes: &NodeRows,
-    mut rows: Vec<Vec<[f32; 2]>>,
-    canvas: &Canvas,
-) {
+pub(crate) fn write(area: &Area, nodes: &NodeRows, mut rows: Vec<Vec<[f32; 2]>>) {
+    let Area { team, solved, part, canvas, .. } = *area;
     let level = &solved.grid.levels[0];
     let cells = [level.nx, level.ny].map(|n| n as f64);
     let [width, height] = part.extent();

@@ -25,12 +25,8 @@ pub fn find(found: &mut Adapters) {
     }));
     found.rejected.extend(rejected);
     let built = BACKENDS & wgpu::Instance::enabled_backend_features();
-    let named = [
-        (wgpu::Backends::VULKAN, wgpu::Backend::Vulkan),
-        (wgpu::Backends::DX12, wgpu::Backend::Dx12),
-        (wgpu::Backends::METAL, wgpu::Backend::Metal),
-    ];
-    let names = named.into_iter().filter(|(bit, _)| built.contains(*bit)).map(|(_, backend)| api(backend));
+    let all = [wgpu::Backend::Vulkan, wgpu::Backend::Dx12, wgpu::Backend::Metal];
+    let names = all.into_iter().filter(|&backend| built.contains(backend.into())).map(api);
     found.interfaces.extend(names);
 }
 
