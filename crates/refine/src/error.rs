@@ -11,7 +11,7 @@ use super::redirection::Redirection;
 use super::sparse::Sparse;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::Result;
-use vrtm_core::mesh::triangle::doubled_area;
+use vrtm_core::mesh::triangle::{barycentrics, point};
 use vrtm_core::team::Team;
 
 /// Barycentric coordinates and places on edges of at least minus this count as inside.
@@ -98,7 +98,7 @@ impl Warped {
     pub fn error(&self, corners: [DVec2; 3], redirected: [DVec2; 3]) -> f64 {
         let low = corners.into_iter().fold(corners[0], DVec2::min);
         let high = corners.into_iter().fold(corners[0], DVec2::max);
-        let triangle = Interpolated { corners, added: redirected, doubled_area: doubled_area(corners) };
+        let triangle = Interpolated { corners, added: redirected };
         let cells = DVec2::new(self.nx as f64, self.ny as f64);
         let mut worst = 0.0f64;
         let mut meet = |error: DVec2| worst = worst.max((error / cells).length_squared());
@@ -150,7 +150,6 @@ struct Node {
 struct Interpolated {
     corners: [DVec2; 3],
     added: [DVec2; 3],
-    doubled_area: f64,
 }
 
 impl Interpolated {
@@ -177,14 +176,10 @@ impl Interpolated {
 
     /// The value at a point inside.
     fn at(&self, p: DVec2) -> Option<DVec2> {
-        let [a, b, c] = self.corners;
-        let l1 = (p - a).perp_dot(c - a) / self.doubled_area;
-        let l2 = (b - a).perp_dot(p - a) / self.doubled_area;
+        let [l1, l2] = barycentrics(self.corners, p);
         // Also false for a triangle without area.
         let inside = l1 >= -SLACK && l2 >= -SLACK && l1 + l2 <= 1.0 + SLACK;
-        inside.then(|| {
-            self.added[0] + l1 * (self.added[1] - self.added[0]) + l2 * (self.added[2] - self.added[0])
-        })
+        inside.then(|| point(self.added, [l1, l2]))
     }
 }
 
