@@ -346,7 +346,6 @@ fn a_number_of_threads_per_solve() {
     for threads in [1, 2, 7] {
         let threads = std::num::NonZeroU32::new(threads);
         let request = SolveRequest { positions: model.frame(1), threads, ..SolveRequest::default() };
-        asset.tile_mut(0).set_rigidity(None).unwrap();
         asset = model.asset(1, 128);
         asset.run(&request, &mut []).unwrap();
         all.push(bits(&asset));

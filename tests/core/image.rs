@@ -3,7 +3,13 @@ mod resample;
 mod texels;
 
 use vrtm_core::image::format::PixelFormat;
+use vrtm_core::image::map::Map;
 use vrtm_core::image::*;
+
+fn map_of(width: usize, height: usize, f: impl Fn(usize, usize) -> f32) -> Map {
+    let values: Vec<f32> = (0..width * height).map(|i| f(i % width, i / width)).collect();
+    Map::from_values(width, height, &values)
+}
 
 #[test]
 fn layouts_are_checked() {

@@ -1,3 +1,4 @@
+use super::map_of;
 use vrtm_core::allocation::Vec;
 use vrtm_core::allocation::vec;
 use vrtm_core::image::format::PixelFormat;
@@ -9,14 +10,9 @@ fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2
     free
 }
 
-fn map(width: usize, height: usize, f: impl Fn(usize, usize) -> f32) -> Map {
-    let values: Vec<f32> = (0..width * height).map(|i| f(i % width, i / width)).collect();
-    Map::from_values(width, height, &values)
-}
-
 #[test]
 fn a_part_of_the_nodes_is_free_as_in_the_whole() {
-    let rough = map(150, 90, |x, y| (x * 37 + y * 101) as f32 % 17.0 / 16.0);
+    let rough = map_of(150, 90, |x, y| (x * 37 + y * 101) as f32 % 17.0 / 16.0);
     for cells in [[16, 32], [160, 96], [320, 80]] {
         let free = free_nodes(&rough, cells, [0, 0], cells.map(|n| n + 1));
         let (first, count) = ([5, 7], [cells[0] - 5, 9]);
@@ -30,7 +26,7 @@ fn a_part_of_the_nodes_is_free_as_in_the_whole() {
 
 #[test]
 fn a_line_of_one_texel_is_a_barrier_on_any_grid() {
-    let mask = map(128, 128, |x, _| f32::from(x != 70));
+    let mask = map_of(128, 128, |x, _| f32::from(x != 70));
     for n in [16, 32, 128, 256] {
         let free = free_nodes(&mask, [n, n], [0, 0], [n + 1, n + 1]);
         let row = &free[..n + 1];
