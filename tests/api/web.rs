@@ -3,8 +3,8 @@
 
 use std::fmt::Write;
 
-use vrtm::{FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions};
-use vrtm_testkit::{Model, cpu, options, scenes};
+use vrtm::{FetchKind, ImageLayout, PixelFormat, Quality, SolveOptions};
+use vrtm_testkit::{Model, cpu, options, raw, scenes};
 
 /// FNV-1a of 32 bits.
 fn hash(bytes: &[u8]) -> u32 {
@@ -27,11 +27,8 @@ fn maps_have_the_bits_of_the_npm_package() {
             asset.solve(model.frame(model.frames.len()), options).unwrap();
             let maps: Vec<u8> = (0..asset.tile_count())
                 .flat_map(|tile| {
-                    let mut bytes = vec![0; 96 * 96 * 8];
                     let layout = ImageLayout::packed(96, 96, PixelFormat::F32);
-                    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
-                    asset.tile(tile).fetch(FetchKind::Redirection, &mut image).unwrap();
-                    bytes
+                    raw(&asset, tile, FetchKind::Redirection, layout, 96 * 96 * 8, 0)
                 })
                 .collect();
             writeln!(found, "{scene} | {name} | {:08x}", hash(&maps)).unwrap();

@@ -32,7 +32,7 @@ pub use files::{assets, obj};
 pub use gpu::{backend, devices, gpu, gpus, has_gpu};
 pub use model::{
     Model, analytic, bits, change, change_all, corner_uvs, cpu, dilation, doubles, faces, fetch, floats,
-    on_all_cores, options, paint, quads, set_grid, texels, view,
+    on_all_cores, options, paint, quads, raw, set_grid, texels, view,
 };
 #[cfg(feature = "gpu")]
 pub use parity::StageDifference;

@@ -207,6 +207,20 @@ pub fn texels<T: OutputTexel + Clone>(
     image(size, blank, |image| results.tile(tile).fetch(kind, image))
 }
 
+/// The bytes of an image of a layout; those that the library does not write are `fill`.
+pub fn raw(
+    asset: &Asset,
+    tile: usize,
+    kind: FetchKind,
+    layout: ImageLayout,
+    bytes: usize,
+    fill: u8,
+) -> Vec<u8> {
+    let mut out = vec![fill; bytes];
+    asset.tile(tile).fetch(kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
+    out
+}
+
 /// The dilation of a tile, first row at v = 0.
 pub fn dilation<T: OutputTexel + Clone>(
     asset: &Asset,

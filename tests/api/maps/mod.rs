@@ -5,8 +5,8 @@ mod dilation;
 mod inspected;
 mod kinds;
 
-use vrtm::{Asset, Device, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions};
-use vrtm_testkit::Model;
+use vrtm::{Asset, Device, FetchKind, ImageLayout, Origin, PixelFormat, SolveOptions};
+use vrtm_testkit::{Model, raw};
 
 /// A solved asset with a grid of 256 x 256 cells.
 fn solved(model: &Model, device: &Device) -> Asset {
@@ -16,10 +16,9 @@ fn solved(model: &Model, device: &Device) -> Asset {
 /// Fetches a packed map of a tile of f32, first row at v = 0; what the library does not write is NaN.
 fn map(asset: &Asset, tile: usize, kind: FetchKind, size: [u32; 2], channels: u32) -> Vec<f32> {
     let texels = (size[0] * size[1] * channels) as usize;
-    let mut bytes: Vec<u8> = f32::NAN.to_ne_bytes().into_iter().cycle().take(4 * texels).collect();
     let layout = ImageLayout::packed(size[0], size[1], PixelFormat::F32).with_channels(channels);
     let layout = ImageLayout { origin: Origin::Bottom, ..layout };
-    asset.tile(tile).fetch(kind, &mut ImageViewMut::new("image", &mut bytes, layout).unwrap()).unwrap();
+    let bytes = raw(asset, tile, kind, layout, 4 * texels, 0xff);
     bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 

@@ -2,7 +2,7 @@
 
 use vrtm::{Asset, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions, f16};
 
-use vrtm_testkit::{self, Model, Warp, fetch, floats};
+use vrtm_testkit::{self, Model, Warp, fetch, floats, raw};
 
 const KINDS: [FetchKind; 3] = [FetchKind::Redirection, FetchKind::RedirectionDelta, FetchKind::Warp];
 
@@ -10,19 +10,13 @@ fn solved(model: &Model) -> Asset {
     model.solved(&vrtm_testkit::cpu(0), 256, 1, &SolveOptions::default())
 }
 
-fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fill: u8) -> Vec<u8> {
-    let mut out = vec![fill; bytes];
-    asset.tile(0).fetch(kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
-    out
-}
-
 #[test]
 fn half_floats_are_the_nearest_to_the_floats() {
-    let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
+    let asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
     for kind in KINDS {
         let layout = |format| ImageLayout::packed(256, 256, format);
-        let whole = floats(&raw(&mut asset, kind, layout(PixelFormat::F32), 256 * 256 * 8, 0));
-        let halves = raw(&mut asset, kind, layout(PixelFormat::F16), 256 * 256 * 4, 0);
+        let whole = floats(&raw(&asset, 0, kind, layout(PixelFormat::F32), 256 * 256 * 8, 0));
+        let halves = raw(&asset, 0, kind, layout(PixelFormat::F16), 256 * 256 * 4, 0);
         let halves = halves.chunks_exact(2).map(|b| f16::from_ne_bytes([b[0], b[1]]).to_f64());
         let mut nonzero = 0;
         for (&value, half) in whole.iter().flatten().zip(halves) {
@@ -38,36 +32,36 @@ fn half_floats_are_the_nearest_to_the_floats() {
 
 #[test]
 fn the_origin_mirrors_rows() {
-    let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
+    let asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
     let (width, height) = (100u32, 63u32);
     let row = width as usize * 8;
     for kind in KINDS {
         let [top, bottom] = [Origin::Top, Origin::Bottom].map(|origin| {
             let layout = ImageLayout { origin, ..ImageLayout::packed(width, height, PixelFormat::F32) };
-            raw(&mut asset, kind, layout, row * height as usize, 0)
+            raw(&asset, 0, kind, layout, row * height as usize, 0)
         });
         assert!(top != bottom, "{kind:?}");
         assert!(top.chunks_exact(row).rev().eq(bottom.chunks_exact(row)), "{kind:?}");
     }
     // v points up: with the origin at the bottom, it grows with the row.
     let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(4, 64, PixelFormat::F32) };
-    let rows = floats(&raw(&mut asset, FetchKind::Redirection, layout, 4 * 64 * 8, 0));
+    let rows = floats(&raw(&asset, 0, FetchKind::Redirection, layout, 4 * 64 * 8, 0));
     assert!(rows[0][1] < 0.05 && rows[4 * 63][1] > 0.95);
 }
 
 #[test]
 fn strides_leave_the_bytes_between_alone() {
-    let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
+    let asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
     for (format, size) in [(PixelFormat::F32, 8), (PixelFormat::F16, 4)] {
         for kind in KINDS {
             let (width, height) = (37usize, 41usize);
             let packed = ImageLayout::packed(width as u32, height as u32, format);
-            let expected = raw(&mut asset, kind, packed, width * height * size, 0);
+            let expected = raw(&asset, 0, kind, packed, width * height * size, 0);
             // Strides that are no multiple of any type's alignment.
             let (pixel, line) = (size + 5, (size + 5) * width + 13);
             let layout = ImageLayout { pixel_stride: Some(pixel), row_stride: Some(line), ..packed };
             for fill in [0x5a, 0xa5] {
-                let out = raw(&mut asset, kind, layout, line * height + 99, fill);
+                let out = raw(&asset, 0, kind, layout, line * height + 99, fill);
                 for (at, &byte) in out.iter().enumerate() {
                     let (y, along) = (at / line, at % line);
                     let (x, within) = (along / pixel, along % pixel);

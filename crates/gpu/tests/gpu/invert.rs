@@ -10,7 +10,7 @@ use vrtm::{
     Quality,
 };
 
-use vrtm_testkit::{self, Model, fetch, gpu, has_gpu, options, scenes, texels};
+use vrtm_testkit::{self, Model, fetch, gpu, has_gpu, options, raw, scenes, texels};
 
 const KINDS: [FetchKind; 2] = [FetchKind::Redirection, FetchKind::RedirectionDelta];
 
@@ -28,12 +28,6 @@ fn solved(model: &Model, device: &Device, grid: u32) -> Asset {
     let asset = model.solved(device, grid, 1, &options(Quality::Draft));
     assert!(asset.tile(0).report().unwrap().max_displacement > 0.5, "{}", model.name);
     asset
-}
-
-fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fill: u8) -> Vec<u8> {
-    let mut out = vec![fill; bytes];
-    asset.tile(0).fetch(kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
-    out
 }
 
 #[test]
@@ -55,7 +49,7 @@ fn every_layout_holds_the_same_texels() {
                         ..ImageLayout::packed(width as u32, height as u32, format)
                     };
                     let (pixel, row) = (pixel.max(size), row.max(size * width));
-                    let out = raw(&mut asset, kind, layout, row * height + tail, 0xa5);
+                    let out = raw(&asset, 0, kind, layout, row * height + tail, 0xa5);
                     let mut texels = Vec::new();
                     let mut written = vec![false; out.len()];
                     for y in 0..height {
@@ -146,10 +140,10 @@ fn a_delta_in_f16_is_off_by_a_thirtieth_of_a_texel_of_4096() {
 fn a_fetch_in_f16_holds_two_thirds() {
     for (format, bytes) in [(PixelFormat::F32, 8 + 8 + 8), (PixelFormat::F16, 8 + 4 + 4)] {
         let Some(device) = gpu(&DeviceSettings::default()) else { return };
-        let mut asset = solved(&Model::from(scenes::analytic::bulge()), &device, 64);
+        let asset = solved(&Model::from(scenes::analytic::bulge()), &device, 64);
         let before = device.info().bytes_held;
         let layout = ImageLayout::packed(64, 64, format);
-        raw(&mut asset, FetchKind::RedirectionDelta, layout, 64 * 64 * 8, 0);
+        raw(&asset, 0, FetchKind::RedirectionDelta, layout, 64 * 64 * 8, 0);
         assert_eq!(device.info().bytes_held - before, 64 * 64 * bytes, "{format:?}");
     }
 }
@@ -168,7 +162,7 @@ fn further_channels_stand_beside_the_gpu_s() {
                 origin: Origin::Bottom,
                 ..ImageLayout::packed(40, 30, PixelFormat::F32)
             };
-            let bytes = raw(&mut asset, kind, layout, 40 * 30 * 20, 0xff);
+            let bytes = raw(&asset, 0, kind, layout, 40 * 30 * 20, 0xff);
             let texels: Vec<[f32; 5]> = bytemuck::pod_collect_to_vec(&bytes);
             for (texel, pair) in texels.iter().zip(&pairs) {
                 assert_eq!((&texel[..2], texel[2]), (&pair[..], 0.0));
