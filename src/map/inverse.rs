@@ -44,9 +44,9 @@ impl Centres {
     }
 }
 
-/// The part of an image for which a result is inverted, and where its texels are written; where the charts of the result
-/// go on beyond their borders, the charts of the texels; and the room for that, if redirections are to stay where there
-/// is some.
+/// The part of an image for which a result is inverted, and where its texels are written; where the charts of the
+/// result go on beyond their borders, the charts of the texels; and the room for that, if redirections are to stay
+/// where there is some.
 pub(crate) struct Area<'a> {
     pub device: &'a Device,
     pub team: &'a Team,

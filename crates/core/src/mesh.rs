@@ -17,10 +17,9 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::allocation::Vec;
+use crate::allocation::{Vec, vec};
 use crate::error::{Result, ensure};
 use crate::report::AssetInfo;
-pub use charts::inverse;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 pub use source::{POSITION_TOLERANCE, UV_TOLERANCE};
 
@@ -357,4 +356,13 @@ impl Mesh {
     pub fn face(&self, f: usize) -> Range<usize> {
         self.faces[f] as usize..self.faces[f + 1] as usize
     }
+}
+
+/// The place of each number in an order of all.
+pub fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut new_index = vec![NONE; order.len()];
+    for (new, &old) in order.iter().enumerate() {
+        new_index[old as usize] = new as u32;
+    }
+    new_index
 }

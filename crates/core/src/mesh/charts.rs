@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::gaps::{self, Given};
 use super::triangle::doubled_area;
-use super::{Chart, Cut, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
+use super::{Chart, Cut, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge, inverse};
 use crate::allocation::{Vec, vec};
 
 /// Edges at which the host wants charts to end, as sorted pairs of vertices, in ascending order.
@@ -100,15 +100,6 @@ fn order(chart_of: &[u32]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..chart_of.len() as u32).collect();
     order.sort_unstable_by_key(|&t| (chart_of[t as usize], t));
     order
-}
-
-/// The place of each number in an order of all.
-pub fn inverse(order: &[u32]) -> Vec<u32> {
-    let mut new_index = vec![NONE; order.len()];
-    for (new, &old) in order.iter().enumerate() {
-        new_index[old as usize] = new as u32;
-    }
-    new_index
 }
 
 /// Gives a tile its cuts, with triangles by their numbers in `chart_of`.
