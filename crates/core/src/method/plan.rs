@@ -112,8 +112,8 @@ impl Plan {
         } else if most <= CORRECTIONS {
             ([2, 2], [most, 1], 3e-3, true)
         } else {
-            // They gain hardly any energy, and let rounding decide where crowded charts end. More sweeps make the warp of
-            // crowded charts smoother in the pose.
+            // They gain hardly any energy, and let rounding decide where crowded charts end. More sweeps make the warp
+            // of crowded charts smoother in the pose.
             ([5, 2], [most, 1], 1e-4, false)
         };
         let continuation = if draft { 1.0 } else { 2.0 };
