@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Lines of all code, and of the product: the library's crates and shaders.
-const MOST: [usize; 2] = [164_273, 49_415];
+const MOST: [usize; 2] = [164_280, 49_422];
 const ENDINGS: [&str; 13] =
     ["c", "cmake", "cpp", "cs", "h", "hpp", "js", "mjs", "py", "rs", "sh", "ts", "wgsl"];
 const PRODUCT: [&str; 9] = [

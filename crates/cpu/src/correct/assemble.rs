@@ -45,7 +45,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
                 unsafe { (row_sums.get_mut(b), words.get_mut(b), right_hand_sides.get_mut(b)) };
             // SAFETY: as above.
             let is_uniform = unsafe { is_uniform.get_mut(b) };
-            let out = Out { sums, words, right_hand_side, is_uniform, uniform: &uniform[0] };
+            let out = Out { sums, words, right_hand_side, is_uniform, uniform: uniform.first() };
             let source = run.source(self.level, state, surface, b);
             run.patches.with(worker, |patch| {
                 run.slopes.with(worker, |slopes| dispatch(AssembleBlock { patch, slopes, source, out }))
@@ -72,8 +72,8 @@ struct Out<'a> {
     right_hand_side: &'a mut [Plane; 2],
     /// True as long as all rows are uniform; their pairs are not in `words`.
     is_uniform: &'a mut bool,
-    /// The pairs of uniform rows.
-    uniform: &'a Words,
+    /// The pairs of uniform rows, if the level may have any.
+    uniform: Option<&'a Words>,
 }
 
 impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
@@ -88,7 +88,8 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
             // SAFETY: nothing writes the state.
             unsafe { patch.window_slopes::<V, S>(&source, slopes) };
         }
-        *out.is_uniform = !patch.is_stiff
+        *out.is_uniform = out.uniform.is_some()
+            && !patch.is_stiff
             && !patch.has_hold
             && !source.weights.orients()
             && patch.movable.iter().all(|&movable| movable == 1.0);
@@ -130,13 +131,13 @@ fn block_row<V: Lanes, S: Surface>(
     // Most corners are above the thresholds of both the room term and the near-bound penalty.
     let crowded = least.lt(V::splat(weights.room_threshold.max(NEAR_BOUND_JACOBIAN))).any();
     let mut corner_pairs = None;
-    if *out.is_uniform {
+    if let Some(uniform) = out.uniform.filter(|_| *out.is_uniform) {
         if !crowded {
             total.add(movable, model.energy, least);
             return uniform_row(&model, weights, row, out);
         }
         *out.is_uniform = false;
-        *out.words = *out.uniform;
+        *out.words = *uniform;
     }
     if crowded {
         patch.add_room(row, &d, weights, &mut model);

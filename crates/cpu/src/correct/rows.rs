@@ -32,11 +32,14 @@ pub struct Rows {
     /// Per block, true if its nodes have all the same row: they and their neighbours are movable and elastic, nothing
     /// holds them, and no corner is crowded.
     pub is_uniform: Vec<bool>,
-    /// Per block, its pairs. One more element has the pairs of all uniform blocks.
+    /// Per block, its pairs. Where there are `FEWEST_BLOCKS`, one more element has the pairs of all uniform blocks.
     pub words: Vec<Words>,
     /// As above.
     pub halo: Vec<Halo>,
 }
+
+/// Fewest blocks of a level with uniform ones: fewer would hardly pay for the memory of one more.
+const FEWEST_BLOCKS: usize = 64;
 
 /// The row of each node of a uniform block: multiples of the unit matrix.
 #[derive(Clone, Copy)]
@@ -48,21 +51,23 @@ pub struct UniformRow {
 
 impl Rows {
     pub fn new(allocator: &mut Allocator, blocks: usize) -> Rows {
+        let all = blocks + usize::from(blocks >= FEWEST_BLOCKS);
         Rows {
             diagonal: allocator.zeros(blocks),
             is_uniform: allocator.zeros(blocks),
-            words: allocator.zeros(blocks + 1),
-            halo: allocator.zeros(blocks + 1),
+            words: allocator.zeros(all),
+            halo: allocator.zeros(all),
         }
     }
 
     /// Sets the pairs of uniform blocks, given the factors of the unit matrix along axes and along diagonals.
     pub fn set_uniform(&mut self, factors: [f32; 2]) {
-        let last = self.is_uniform.len();
         // As by `encode`.
         let words = factors.map(|factor| (factor.to_bits() + 0x8000) & 0xffff_0000);
-        self.words[last] = std::array::from_fn(|e| [[words[e / 2]; NODES]; 2]);
-        self.halo[last] = halo_words(|_| &self.words[last], &[0; 9]);
+        if let Some(uniform) = self.words.get_mut(self.is_uniform.len()) {
+            *uniform = std::array::from_fn(|e| [[words[e / 2]; NODES]; 2]);
+            self.halo[self.is_uniform.len()] = halo_words(|_| uniform, &[0; 9]);
+        }
     }
 
     /// The element of `words` and `halo` for block `b`.

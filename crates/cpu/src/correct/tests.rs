@@ -212,7 +212,8 @@ fn fractions_fall_off_by_the_slope() {
 #[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
 fn uniform_blocks_solve_as_others_do() {
     let stud = |u: f64, v: f64| f64::from((u - 0.25).hypot(v - 0.25) < 0.1);
-    let sheet = Posed::new(4, maps(GRID, TileSettings::default(), stud), |u, v| [u + 0.3 * u * u, v, 0.0]);
+    let maps = maps(2 * GRID, TileSettings::default(), stud);
+    let sheet = Posed::new(4, maps, |u, v| [u + 0.3 * u * u, v, 0.0]);
     let mut memory = Memory::new(&sheet.grid, Purpose::default());
     let mut result = vec![[[0.0; NODES]; 2]; sheet.grid.levels[0].blocks.list.len()];
     Team::with(2, |team| {
