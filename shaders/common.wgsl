@@ -44,8 +44,8 @@ fn vector_index(b: u32, plane: u32, s: u32) -> u32 {
     return (b * VECTOR_PLANES + plane) * NODES + s;
 }
 
-/// Two numbers in a word (method §7.2): its lower half is y as bfloat16, its upper half such that the whole word as f32 is
-/// next to x.
+/// A word with two numbers (method §7.2): its lower half is y as bfloat16, its upper half such that the whole word as
+/// f32 is next to x.
 fn pack_two(x: f32, y: f32) -> u32 {
     // What is left of a sum that cancels must not decide how x is rounded: its sign may differ on the CPU.
     let bits = bitcast<u32>(select(y, 0.0, y * y <= x * x * 0x1p-36));

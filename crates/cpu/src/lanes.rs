@@ -88,10 +88,10 @@ pub trait Lanes:
     fn select_index(mask: Self::Mask, a: Self::Index, b: Self::Index) -> Self::Index;
     fn bits(self) -> Self::Index;
     fn from_bits(bits: Self::Index) -> Self;
-    /// Two numbers in each word (method §7.2): its lower half is `y` as bfloat16 (rounded to even in a tie; a NaN may
-    /// become a number or infinity), its upper half such that the whole word as f32 is next to `x`.
+    /// Words with two numbers each (method §7.2): the lower half is `y` as bfloat16 (rounded to even in a tie; a NaN
+    /// may become a number or infinity), the upper half such that the whole word as f32 is next to `x`.
     fn pack_two(x: Self, y: Self) -> Self::Index;
-    /// The two operands as rounded by `pack_two`.
+    /// The operands of `pack_two`, as it rounded them.
     fn unpack_two(words: Self::Index) -> [Self; 2];
     /// Transposes eight records of eight numbers: lane n of `out[k]` is the k-th number of record n.
     fn transpose(records: [&[f32; LANES]; LANES]) -> [Self; LANES];

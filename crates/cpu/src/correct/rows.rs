@@ -29,12 +29,12 @@ pub type Halo = [[u32; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
 pub struct Rows {
     /// (xx, xy, yy) of the diagonal block per node. Until `complete`, the symmetric part of the row's sum.
     pub diagonal: Vec<[Plane; 3]>,
-    /// Per block, true if its nodes have all the same row: they and their neighbours are movable and elastic, nothing
-    /// holds them, and no corner is crowded.
+    /// Per block, true if all of its nodes have the same row: they and their neighbours are movable and elastic,
+    /// nothing holds them, and no corner is crowded.
     pub is_uniform: Vec<bool>,
     /// Per block, its pairs. Where there are `FEWEST_BLOCKS`, one more element has the pairs of all uniform blocks.
     pub words: Vec<Words>,
-    /// As above.
+    /// Per block, the pairs of its halo, with one more element likewise.
     pub halo: Vec<Halo>,
 }
 
